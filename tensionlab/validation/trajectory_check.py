@@ -92,13 +92,13 @@ def _feasible(rig: Rig, path: Trajectory, structure: Floats, wrenches: Floats) -
 
 def _motors(rig: Rig, path: Trajectory, winding: Floats, able: Floats) -> Finding:
     """Check that each motor winds as fast as the path needs, at its tension."""
-    room = able - winding
-    if np.isnan(room).all():
+    spare = able - winding
+    if np.isnan(spare).all():
         return Finding("motors", None, f"{rig.name} does not say newton_per_ampere, so its motors are unknown")
-    sample, cable = _smallest(room)
+    sample, cable = _smallest(spare)
     fast, slow = able[sample, cable], winding[sample, cable]
     text = f"{rig.modules[cable].name} winds at {slow:.3g} m/s and can {fast:.3g} m/s {_at(path, sample)}"
-    return Finding("motors", bool(room[sample, cable] >= 0.0), text)
+    return Finding("motors", bool(spare[sample, cable] >= 0.0), text)
 
 
 def _winches(rig: Rig, path: Trajectory, found: Allocation, winding: Floats, able: Floats) -> list[list[Any]]:

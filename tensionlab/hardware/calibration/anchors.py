@@ -178,11 +178,11 @@ def calibrate_anchors(
             "nothing about the anchors; measure at known poses, or add modules"
         )
     unknown = problem.size - problem.gauge
-    least = math.ceil(unknown / problem.spare)
-    if len(lengths) < least:
+    fewest = math.ceil(unknown / problem.spare)
+    if len(lengths) < fewest:
         raise CalibrationError(
             f"{len(lengths)} poses cannot tell the {unknown} unknowns of {rig.m} anchors"
-            f"{' and offsets' if offsets else ''}; measure at {least} or more, twice as many if you can, spread "
+            f"{' and offsets' if offsets else ''}; measure at {fewest} or more, twice as many if you can, spread "
             "over the whole workspace"
         )
     shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])

@@ -168,12 +168,12 @@ def weigh(
             info.state,
         )
     lower = info.tension_lower
-    most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
-    if not lower < weight < most:
-        least, largest = 1.3 * lower / STANDARD_GRAVITY_M_S2, 0.9 * most / STANDARD_GRAVITY_M_S2
+    upper = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
+    if not lower < weight < upper:
+        lowest, highest = 1.3 * lower / STANDARD_GRAVITY_M_S2, 0.9 * upper / STANDARD_GRAVITY_M_S2
         raise CalibrationError(
-            f'module "{client.name}" can pull continuously with {lower:.2g} to {most:.2g} N, so {mass:g} kg is '
-            f"too {'light' if weight <= lower else 'heavy'}: hang a mass of {least:.2f} to {largest:.2f} kg on it"
+            f'module "{client.name}" can pull continuously with {lower:.2g} to {upper:.2g} N, so {mass:g} kg is '
+            f"too {'light' if weight <= lower else 'heavy'}: hang a mass of {lowest:.2f} to {highest:.2f} kg on it"
         )
     balances = []
     with _pulling(client, info) as puller:

@@ -144,14 +144,14 @@ def safe_rates(times: Floats, ttl: float, *, bluetooth: bool) -> tuple[float, fl
     time (half the trip); more where the probability that all of them are lost would exceed 1e-6. At most 100 are
     sent per second over Bluetooth, and 1000 over other links.
     """
-    left = ttl - percentile(times, 99.0) / 2
-    if not left > 0.0:  # or NaN: no ping came back
+    available = ttl - percentile(times, 99.0) / 2
+    if not available > 0.0:  # or NaN: no ping came back
         return None
     needed = MIN_SET_POINTS
     if (loss := float(np.isnan(times).mean())) > 0.0:
         needed = max(needed, math.ceil(math.log(MAX_LOSS) / math.log(loss)))
-    least, most = needed / left, MAX_BLUETOOTH_RATE_HZ if bluetooth else MAX_RATE_HZ
-    return (least, most) if least <= most else None
+    lowest, highest = needed / available, MAX_BLUETOOTH_RATE_HZ if bluetooth else MAX_RATE_HZ
+    return (lowest, highest) if lowest <= highest else None
 
 
 def is_bluetooth(url: str) -> bool:

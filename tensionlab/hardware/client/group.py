@@ -186,7 +186,7 @@ class ModuleGroup:
         answers: dict[ModuleClient, AnswerType] = {}
         failed: dict[ModuleClient, HardwareError] = {}
         waiting: dict[ModuleClient, int] = {}
-        left = list(commands)
+        unanswered = list(commands)
         begins = [client.link.clock() for client in self.clients]
 
         def elapsed() -> float:  # by the links' clocks, as the modules' own timeouts count
@@ -194,12 +194,12 @@ class ModuleGroup:
 
         next_keep_alive = 0.0
         for timeout in PATIENT_TIMEOUTS_S:
-            for client in left:
+            for client in unanswered:
                 with _collecting(failed, client):
                     waiting[client] = client.send(commands[client], waiting.get(client))
             end = elapsed() + timeout
-            while (left := [client for client in waiting if client not in failed]) and elapsed() < end:
-                for client in left:
+            while (unanswered := [client for client in waiting if client not in failed]) and elapsed() < end:
+                for client in unanswered:
                     client.listen()
                     with _collecting(failed, client):
                         if (found := client.answer(commands[client], waiting[client], kind)) is not None:
@@ -215,7 +215,7 @@ class ModuleGroup:
                         client.listen(POLL_PERIOD_S)
                     if not all(client.link.lockstep for client in self.clients):
                         time.sleep(POLL_PERIOD_S)
-        for client in left:
+        for client in unanswered:
             failed[client] = client.no_answer(commands[client], len(PATIENT_TIMEOUTS_S))
         return answers, failed
 

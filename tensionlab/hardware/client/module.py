@@ -162,8 +162,8 @@ class ModuleClient:
             while waiting:
                 if (found := self.answer(command, sequence, answer)) is not None:
                     return found
-                left = end - self.link.clock()
-                waiting = left > 0 and self._wait(sequence, left)
+                remaining = end - self.link.clock()
+                waiting = remaining > 0 and self._wait(sequence, remaining)
         raise self.no_answer(command, len(tries))
 
     def no_answer(self, command: Message, tries: int) -> LinkTimeout:
@@ -250,9 +250,9 @@ class ModuleClient:
         """Let time pass by the module's link: a simulated module runs meanwhile, a real one does so anyway."""
         end = self.link.clock() + seconds
         self.listen(seconds)
-        left = end - self.link.clock()
-        if left > 1e-3:  # a simulated module goes by its steps
-            time.sleep(left)
+        remaining = end - self.link.clock()
+        if remaining > 1e-3:  # a simulated module goes by its steps
+            time.sleep(remaining)
 
     def stop(self) -> None:
         """Have the module release its cable and be idle; a fault or an emergency stop needs `clear`."""

@@ -223,8 +223,8 @@ class GuidedHand:
             # slow enough to brake in time
             speed = min(MAX_HAND_SPEED_M_S, math.sqrt(MAX_HAND_ACCELERATION_M_S2 * far), APPROACH_GAIN_1_S * far)
             change = gap * (speed / max(far, 1e-12)) - velocity
-            most = MAX_HAND_ACCELERATION_M_S2 * step
-            velocity = velocity + change * (most / max(float(np.linalg.norm(change)), most))
+            largest_change = MAX_HAND_ACCELERATION_M_S2 * step
+            velocity = velocity + change * (largest_change / max(float(np.linalg.norm(change)), largest_change))
             place = place + step * velocity
             seconds -= step
         self._places[name] = (place, velocity)

@@ -105,7 +105,7 @@ class Objective:
 
     def __repr__(self) -> str:
         given = [(each.name, getattr(self, each.name), each.default) for each in fields(self) if each.repr]
-        return f"Objective({', '.join(f'{name}={value!r}' for name, value, left in given if value != left)})"
+        return f"Objective({', '.join(f'{name}={value!r}' for name, value, default in given if value != default)})"
 
     @property
     def level(self) -> float | None:
@@ -137,8 +137,8 @@ class Objective:
         """
         if self.losses:
             intact, cables = replace(self, losses=0), np.arange(structure.shape[-1])
-            left = [limits, *(limits.only(cables != lost) for lost in cables)]
-            return np.asarray(np.min([intact.values(structure, each, required, ball) for each in left], axis=0))
+            cases = [limits, *(limits.only(cables != lost) for lost in cables)]
+            return np.asarray(np.min([intact.values(structure, each, required, ball) for each in cases], axis=0))
         margin = capacity_margin(structure, limits, required) - ball
         further: list[Floats] = []
         if self.directions is not None:

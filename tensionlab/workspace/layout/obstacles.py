@@ -135,14 +135,14 @@ def separate(hulls: Floats, enough: Floats) -> tuple[Floats, Floats, Floats]:
         proved = along[row, best].clip(min=0.0)
         better = proved >= distance[todo]
         distance[todo[better]], normal[todo[better]] = proved[better], unit[better]
-        left = (length - proved > GAP_M) & (proved < enough[todo])
+        undecided = (length - proved > GAP_M) & (proved < enough[todo])
         change = own[row, worst] - own[row, best]
         step = length * (along[row, worst] - along[row, best]) / np.maximum(np.square(change).sum(axis=-1), 1e-300)
-        step = np.where(left, np.minimum(step, part[row, worst]), 0.0)
+        step = np.where(undecided, np.minimum(step, part[row, worst]), 0.0)
         part[row, worst] -= step
         part[row, best] += step
         weights[todo] = part
-        todo = todo[left]
+        todo = todo[undecided]
         if not len(todo):
             break
     return distance, normal, weights

@@ -286,7 +286,7 @@ def _best_step(
         rows = lowest < objective.level  # the others have enough after any step
         # unknown: step, missing >= 0; values + slope step + missing >= level
         further, bound = -np.eye(int(rows.sum())), values[rows] - objective.level
-        cost, least = 1 / (sharpness + objective.missing(values[rows])), 0.0
+        cost, lowest_unknown = 1 / (sharpness + objective.missing(values[rows])), 0.0
         if objective.target_weights is not None:
             cost *= np.array(objective.target_weights)[groups[rows]]
     else:
@@ -295,10 +295,10 @@ def _best_step(
         rows = lowest <= worst[groups]  # the others are the worst after no step
         # unknown: step, worst of each group; values + slope step >= worst
         further, bound = np.eye(len(weights))[groups[rows]], values[rows]
-        cost, least = -np.array(weights), None
+        cost, lowest_unknown = -np.array(weights), None
     matrix = np.hstack([-slope[rows], further])
     limits: list[tuple[float | None, float | None]] = [*zip(low.ravel(), high.ravel(), strict=True)]
-    limits += [(least, None)] * further.shape[1]
+    limits += [(lowest_unknown, None)] * further.shape[1]
     near = here.spare + _least(away, low, high) < 0
     if near.any():
         # one more unknown, the distance that is missing >= 0; spare + slope step + missing >= 0

@@ -231,10 +231,10 @@ class Plan:
     def chunks(self) -> tuple[int, ...]:
         """Length of a chunk along each axis: as much of the last axes as fits, then of those before."""
         found: list[int] = []
-        left = min(self.chunk, max(MIN_CHUNK_VALUES, math.prod(self.shape) // MIN_CHUNKS))
+        remaining = min(self.chunk, max(MIN_CHUNK_VALUES, math.prod(self.shape) // MIN_CHUNKS))
         for length in reversed(self.shape):
-            found.append(min(length, max(left, 1)))
-            left //= found[-1]
+            found.append(min(length, max(remaining, 1)))
+            remaining //= found[-1]
         return tuple(reversed(found))
 
     @cached_property
