@@ -156,6 +156,16 @@ playground: .venv/playground.stamp
 	@$(INSTALL) ziglang
 	@touch $@
 
+# The module's printed parts as STEP, STL and pictures: out/kit. `$(BIN)/python -m kit.build --pictures` draws those that
+# kit/README.md shows.
+kit: .venv/kit.stamp
+	@$(BIN)/python -m kit.build
+
+.venv/kit.stamp: .venv/user.stamp
+	@echo "Fetching what makes solids ..."
+	@$(INSTALL) build123d
+	@touch $@
+
 clean:
 	rm -rf .venv .venv-lowest build out docs/reference/generated
 

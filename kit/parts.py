@@ -1,11 +1,13 @@
-"""Print what the parts of one module cost: ``python -m kit.parts``."""
+"""Print what the parts of one module cost, and what of them is to be measured: ``python -m kit.parts``."""
 
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 FILE = Path(__file__).with_suffix(".csv")
+PARAMETERS = Path(__file__).with_name("parameters.py")
 
 
 def read_parts() -> list[dict[str, str]]:
@@ -33,5 +35,13 @@ def bill() -> str:
     return "\n".join([*lines, f"| **Total**, estimated {parts[0]['price_date']} | | | **{total():.2f}** |"])
 
 
+def measures() -> str:
+    """Return the dimensions that depend on bought parts, as a table in Markdown."""
+    text = PARAMETERS.read_text(encoding="utf-8")
+    found = re.findall(r"^(\w+) = ([\d.]+)  # measure yours(?:: (.*))?$", text, re.MULTILINE)
+    lines = ["| Parameter | Assumed | What to measure |", "| --- | --- | --- |"]
+    return "\n".join([*lines, *(f"| `{name}` | {value} | {what} |" for name, value, what in found)])
+
+
 if __name__ == "__main__":
-    print(bill())
+    print(bill(), measures(), sep="\n\n")

@@ -16,7 +16,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from kit.parts import bill
+from kit.parts import bill, measures
+from kit.strength import table as loads
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.schema import schema_text
@@ -130,6 +131,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "bench": _benchmark,
     "log-columns": log_columns,
     "bill": bill,
+    "measures": measures,
+    "loads": loads,
     "choice": lambda: choice(datasets.load("benchmarks/results")),
     **{name: _table(name) for name in _firmware()},
 }  # what makes each block, by its name
