@@ -32,6 +32,7 @@ MEASURED = "measured"
 COLOURS = 128  # of a stored picture, which has flat areas
 COARSE = 40  # squares along each side in which two pictures are compared
 ALIKE = 0.02  # greatest mean difference of two pictures, white less black being 1, and of two numbers, relatively
+ROUGHLY = 0.1  # the same of two pictures that show times
 
 Shown = Mapping[str, str]  # what one output shows: a text or a picture for each kind
 
@@ -88,7 +89,7 @@ def differ(cell: Any, now: Sequence[Shown]) -> str:
     """Return how what a cell shows now differs from what is stored; empty if it says the same.
 
     Words are the same; numbers to 2 %, whole numbers exactly; pictures as seen from far away. Of a cell with the
-    tag `measured`, whose numbers and pictures come from times, only words are compared.
+    tag `measured`, whose numbers and pictures come from times, words are compared, and pictures roughly.
     """
     one, other = shown(cell.outputs), now
     measured = MEASURED in cell.metadata.get("tags", ())
@@ -98,7 +99,7 @@ def differ(cell: Any, now: Sequence[Shown]) -> str:
     for left, right in zip(one, other, strict=True):
         for kind in left:
             if kind == "image/png":
-                if not measured and (distance := _distance(left[kind], right[kind])) > ALIKE:
+                if (distance := _distance(left[kind], right[kind])) > (ROUGHLY if measured else ALIKE):
                     return f"two pictures, {distance:.3f} apart"
             elif not _same_text(left[kind], right[kind], measured):
                 return f"{left[kind]}\nand\n{right[kind]}"
@@ -118,12 +119,11 @@ def _same_number(one: str, other: str) -> bool:
 
 
 def _distance(one: str, other: str) -> float:
-    return float(np.abs(_from_afar(one) - _from_afar(other)).mean()) / 255.0
-
-
-def _from_afar(picture: str) -> Any:
-    grey = Image.open(io.BytesIO(base64.b64decode(picture))).convert("L")
-    return np.asarray(grey.resize((COARSE, COARSE), Image.Resampling.BOX), dtype=float)
+    pictures = [Image.open(io.BytesIO(base64.b64decode(each))).convert("L") for each in (one, other)]
+    if not np.allclose(pictures[0].size, pictures[1].size, rtol=ROUGHLY):
+        return 1.0
+    seen = [np.asarray(each.resize((COARSE, COARSE), Image.Resampling.BOX), dtype=float) for each in pictures]
+    return float(np.abs(seen[0] - seen[1]).mean()) / 255.0
 
 
 def run(notebook: Any) -> None:
