@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*.h include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check emulate sanitize format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check dangers emulate sanitize format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -133,6 +133,10 @@ checksums: .venv/bin/python
 # Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
 firmware-check: .venv/dev.stamp
 	@$(BIN)/python firmware/check.py
+
+# A thousand runs of each danger: a quarter of an hour on two cores. `--write` keeps the figures.
+dangers: .venv/dev.stamp
+	@$(BIN)/python firmware/dangers.py
 
 # The allocator on emulated processors, 10^5 problems each: some minutes. `--write` keeps the figures.
 emulate: .venv/dev.stamp

@@ -39,7 +39,7 @@ class Danger:
     tension_n : float
         Largest cable tension since the danger began, in N.
     faults : int
-        Faults that the module named, as bits.
+        Faults of which the module must name one, as bits.
     wrong : str
         The first seed that went wrong, and why; or empty.
     """

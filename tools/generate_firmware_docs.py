@@ -7,6 +7,7 @@ else than the code.
 from __future__ import annotations
 
 import json
+import math
 import struct
 from binascii import crc_hqx
 from collections.abc import Iterable
@@ -169,6 +170,29 @@ def allocator() -> str:
     return table(head, rows)
 
 
+def dangers() -> str:
+    """Return the table of what `firmware/dangers.py --write` measured."""
+    measured = json.loads((FOLDER / "dangers.json").read_text())["dangers"]
+    rows = [
+        (
+            found["danger"],
+            found["must_happen"],
+            " or ".join(fault.name or "" for fault in codes.Fault(found["faults"])),
+            "" if found["noticed_s"] < 0.0 else _duration(found["noticed_s"]),
+            f"{math.ceil(10.0 * found['tension_n']) / 10.0:.1f} N",
+        )
+        for found in measured
+    ]
+    return table(("Danger", "What the module does", "Fault", "Within", "Tension at most"), rows)
+
+
+def _duration(seconds: float) -> str:
+    """Round a time up to two digits."""
+    if seconds < 0.1:
+        return f"{math.ceil(1e3 * seconds)} ms"
+    return f"{math.ceil(100.0 * seconds) / 100.0:.2f} s"
+
+
 def sections() -> dict[str, dict[str, str]]:
     """Return the tables of each document."""
     kinds = (
@@ -188,6 +212,7 @@ def sections() -> dict[str, dict[str, str]]:
             "plant": plant(),
             "figures": figures(),
             "allocator": allocator(),
+            "dangers": dangers(),
         },
         "PROTOCOL.md": {
             "example": example(),

@@ -28,6 +28,12 @@ class Brake {
     return p[down ? Parameter::brake_closed_pulse : Parameter::brake_open_pulse];
   }
 
+  // Whether the cable has paid out by more than the pawl's play, though the brake is on. `length`: of the cable,
+  // m.
+  bool slips(float length, const Parameters& p) const {
+    return state_ == BrakeState::closed && length > shortest_ + 2.0f * p[Parameter::brake_tooth];
+  }
+
   // driven: the motor can reel in. length: of the cable, m.
   void advance(bool wanted, bool driven, float length, uint32_t now_us, const Parameters& p) {
     const int32_t travel = static_cast<int32_t>(1000.0f * p[Parameter::brake_travel]);
@@ -42,8 +48,10 @@ class Brake {
         break;
       case BrakeState::closing:
         if (travelled) enter(BrakeState::closed, now_us);
+        shortest_ = length;
         break;
       case BrakeState::closed:
+        shortest_ = smaller(shortest_, length);
         if (!wanted && rested) {
           enter(driven ? BrakeState::releasing : BrakeState::opening, now_us);
           released_at_ = length - 0.5f * p[Parameter::brake_tooth];
@@ -78,6 +86,7 @@ class Brake {
   bool settled_ = true;
   uint32_t since_us_ = 0;
   float released_at_ = 0.0f;
+  float shortest_ = 1e9f;  // length of the cable since the brake is on, m
 };
 
 }  // namespace firmware

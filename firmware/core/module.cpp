@@ -50,6 +50,9 @@ bool Module::pull(float seconds, uint32_t now_us) {
   const bool active = is_driven(state_) && !relaxed_;
   const bool laid = state_ == State::running && set_point_.brake();
   const CableState cable = {length_offset_ + monitor_.paid_out(), monitor_.speed(), length_known_};
+  const bool slips = brake_.slips(monitor_.paid_out(), p);
+  if (slips && !slipped_) log("brake: on, but the cable pays out");
+  slipped_ = slips;
   brake_.advance(laid || holds_load(active), active, monitor_.paid_out(), now_us, p);
 
   bool on = active;

@@ -126,6 +126,7 @@ class Module {
   TensionLimiter limiter_;
   ThermalBudget budget_;
   Brake brake_;
+  bool slipped_ = false;  // in the last step
   Monitor monitor_;
   float length_offset_ = 0.0f;  // of the cable, where the encoder reads nought, m
   bool length_known_ = false;

@@ -1,7 +1,8 @@
 // Plays each danger with as many seeds as asked, and prints what came of it, a line a row.
 // Arguments: the first seed, how many, and the row (all without it). Columns, with tabs between them: what is
 // wrong, what must happen, seeds with which it did, longest time in s until it was noticed (-1: nothing to
-// notice), largest tension from then on in N, faults that the module named, as bits, and what went wrong first.
+// notice), largest tension from then on in N, faults of which the module must name one, as bits, and what
+// went wrong first.
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -19,7 +20,6 @@ using namespace tensionlab::dangers;
 struct Finding {
   bool right;
   double seconds, tension;
-  int faults;
   char why[800];
 };
 
@@ -33,21 +33,20 @@ void judge(const Row& row, Story& story, Finding& finding) {
   } else if (row.outcome == Outcome::times_out) {
     finding.seconds = story.weak_after;
     if (story.let_go_after < 0.0) wrong = "the driver stayed on";
-  } else if (row.outcome == Outcome::goes_on) {
-    finding.seconds = -1.0;
-    if (story.let_go_after >= 0.0) wrong = "the driver went off";
-    if (story.least_tension < row.least_n) wrong = "pulled too little";
-  } else {
+  } else if (row.outcome == Outcome::refused) {
     finding.seconds = story.let_go_after;
     if (!host.refused) wrong = "it was not refused";
-    if (host.log.find(row.says) == std::string::npos) wrong = "it said something else";
+  } else {
+    finding.seconds = row.outcome == Outcome::reports ? story.reported_after : -1.0;
+    if (story.let_go_after >= 0.0) wrong = "the driver went off";
+    if (story.least_tension < row.least_n) wrong = "pulled too little";
   }
+  if (row.says != nullptr && host.log.find(row.says) == std::string::npos) wrong = "it said something else";
   if (!story.accepted) wrong = "a command was refused";
   finding.tension = story.most_tension;
   if (wrong == nullptr && finding.seconds > row.within_s) wrong = "noticed too late";
   if (wrong == nullptr && finding.tension > row.most_n + 1e-9) wrong = "pulled too much";
   finding.right = wrong == nullptr;
-  finding.faults = host.faults;
   std::snprintf(finding.why, sizeof finding.why, "%s (%.4f s, %.2f to %.2f N, faults %d, state %d) %.30s",
                 wrong == nullptr ? "" : wrong, finding.seconds, story.least_tension, finding.tension, host.faults,
                 static_cast<int>(host.state), host.log.c_str());
@@ -63,7 +62,7 @@ int main(int count, char** words) {
     if (count > 3 && number != std::atoi(words[3])) continue;
     const Row& row = kRows[number];
     int right = 0;
-    Finding worst = {true, -1.0, 0.0, 0, ""};
+    Finding worst = {true, -1.0, 0.0, ""};
     for (int seed = first; seed < first + seeds; ++seed) {
       finding = Finding{};
       std::snprintf(finding.why, sizeof finding.why, "the program ended");
@@ -78,13 +77,12 @@ int main(int count, char** words) {
       right += finding.right ? 1 : 0;
       worst.seconds = std::max(worst.seconds, finding.seconds);
       worst.tension = std::max(worst.tension, finding.tension);
-      worst.faults |= finding.faults;
       if (!finding.right && worst.why[0] == 0) {
         std::snprintf(worst.why, sizeof worst.why, "seed %d: %.600s", seed, finding.why);
       }
     }
     std::printf("%s\t%s\t%d\t%.6f\t%.4f\t%d\t%s\n", row.fault, row.happens, right, worst.seconds, worst.tension,
-                worst.faults, worst.why);
+                row.faults, worst.why);
     std::fflush(stdout);
   }
 }

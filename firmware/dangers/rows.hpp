@@ -10,6 +10,7 @@ enum class Outcome {
   let_go,     // the driver goes off within the time
   times_out,  // it pulls with the minimum tension within the time, and lets go 2 s later
   refused,    // it does not arm or align: its driver does not pull
+  reports,    // it says so within the time, and pulls what it is told
   goes_on,    // nothing is noticed, or nothing is wrong: it pulls what it is told
 };
 

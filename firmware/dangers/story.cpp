@@ -120,6 +120,8 @@ void Story::begin() {
   least_tension = 1e9;
   let_go_after = -1.0;
   weak_after = 0.0;
+  host_.log.clear();
+  reported_after = -1.0;
   accepted = !host_.refused;
   host_.refused = false;
 }
@@ -144,6 +146,7 @@ void Story::advance(double seconds) {
     fakes::catch_up();
     fakes::watch();
     host_.listen();
+    if (begun_ && reported_after < 0.0 && !host_.log.empty()) reported_after = this->seconds();
     note_turn();
   }
 }

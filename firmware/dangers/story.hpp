@@ -55,6 +55,7 @@ class Story {
 
   // Since begin().
   double let_go_after = -1.0;                      // s until the driver went off; negative if it did not
+  double reported_after = -1.0;                    // s until a line of text came
   double weak_after = 0.0;                         // s until it pulled no more than the minimum tension
   double most_tension = 0.0, least_tension = 1e9;  // N
   bool accepted = true;                            // all that the host had said before

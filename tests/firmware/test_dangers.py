@@ -1,5 +1,6 @@
 """Dangers, played with the ESP32's own code on simulated hardware: what the module does, and how soon."""
 
+import json
 import sys
 
 import pytest
@@ -23,6 +24,18 @@ def played(objects):
 
 def test_the_module_does_what_it_must_in_every_danger(played):
     assert {danger.danger: danger.wrong for danger in played if danger.right < SEEDS} == {}
+
+
+def test_the_committed_figures_are_of_these_dangers_and_no_smaller(played):
+    """Else: `python firmware/dangers.py --write`, and `make generated`."""
+    committed = json.loads(dangers.FIGURES.read_text(encoding="utf-8"))
+    assert committed["seeds"] == dangers.SEEDS
+    listed = [(found["danger"], found["must_happen"], found["right"]) for found in committed["dangers"]]
+    assert listed == [(danger.danger, danger.must_happen, dangers.SEEDS) for danger in played]
+    for danger, found in zip(played, committed["dangers"], strict=True):
+        # Another compiler rounds otherwise.
+        assert danger.noticed_s <= max(1.1 * found["noticed_s"], 0.0) + 1e-3, danger
+        assert danger.tension_n <= 1.1 * found["tension_n"] + 0.05, danger
 
 
 @pytest.mark.parametrize(
