@@ -1,8 +1,7 @@
 """One-way brake: a ratchet around the motor, screwed under the spool, and the pawl that holds it.
 
 Seen from above, the cable pays out as the wheel turns counter-clockwise. The pawl stands at -y, on the side of
-the cable, so that its push opposes the cable's pull and spares the motor's bearings. Printed flat: the teeth lie
-in the layers.
+the cable, so that its push opposes the cable's pull. Printed flat: the teeth lie in the layers.
 """
 
 from __future__ import annotations

@@ -16,13 +16,14 @@ highest_tension_n = 12.0  # firmware: the most that tension_upper may be set to
 # Bought parts.
 motor_diameter = 40.0  # measure yours: the rotor
 motor_height = 18.0  # measure yours: from the face with the stator's screws to the rotor's top
+motor_bearings = 12.0  # measure yours: between the middles of its two bearings, half way up
 motor_bore = 7.0  # measure yours: hollow shaft, at the stator's end
 stator_hole_circle = 19.0  # measure yours: diameter through the stator's screws
 stator_hole = 2.4  # measure yours: clearance for its screws, M2
-stator_screws = 4  # measure yours
+stator_screws = 4  # measure yours: their number
 rotor_hole_circle = 16.0  # measure yours: diameter through the rotor's screws
 rotor_hole = 2.4  # measure yours: clearance for its screws, M2
-rotor_screws = 4  # measure yours
+rotor_screws = 4  # measure yours: their number
 magnet_diameter = 6.0  # measure yours: the encoder's magnet
 magnet_height = 2.5  # measure yours: the encoder's magnet
 encoder_board = 22.0  # measure yours: side of the encoder's board, its chip in the middle
@@ -39,9 +40,9 @@ servo_shaft = 5.6  # measure yours: from the end of the body to the shaft
 horn_radius = 11.0  # measure yours: from shaft to the end of the horn
 horn_width = 4.0  # measure yours: of the horn's end
 horn_height = 11.0  # measure yours: from the underside of the ears to that of the horn
-horn_thickness = 2.0  # measure yours
+horn_thickness = 2.0  # measure yours: of the horn
 eyelet_diameter = 8.0  # measure yours: ceramic ring of a fishing rod, outside
-eyelet_height = 3.0  # measure yours
+eyelet_height = 3.0  # measure yours: along the cable
 cable_diameter = 0.4  # measure yours: braided polyethylene that breaks above 300 N
 
 # Printing.

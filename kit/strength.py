@@ -27,14 +27,20 @@ class Load(NamedTuple):
         return self.strength / self.stress
 
 
-def tooth_force() -> float:
-    """Return the force on a tooth, at the root's radius, where it is largest."""
-    return p.brake_strength_n * p.spool_radius / p.root_radius
+def tooth_force(cable: float = p.brake_strength_n) -> float:
+    """Return the force on a tooth, at the root's radius, where it is largest, from the force in the cable."""
+    return cable * p.spool_radius / p.root_radius
 
 
-def bearing_load() -> float:
-    """Return the force on the motor's bearings: the cable's pull less the pawl's push, which opposes it."""
-    return p.brake_strength_n - tooth_force()
+def bearing_load(cable: float) -> float:
+    """Return the force on the motor's upper bearing, the larger one, while the brake holds the cable.
+
+    The pawl's push opposes the cable's pull, but below it, so that both tilt the rotor.
+    """
+    lower = p.motor_base + (p.motor_height - p.motor_bearings) / 2
+    pawl_height = p.motor_top - p.ratchet_width / 2
+    moment = cable * (p.cable_height - lower) - tooth_force(cable) * (pawl_height - lower)
+    return moment / p.motor_bearings
 
 
 def engagement_angle() -> float:
@@ -93,5 +99,7 @@ def table() -> str:
 
 if __name__ == "__main__":
     print(table())
-    print(f"\nmotor's bearings: {bearing_load():.0f} N of {p.brake_strength_n:.0f} N in the cable")
-    print("breakaway link: {:.0f} to {:.0f} N".format(*breakaway()))
+    weakest, strongest = breakaway()
+    print(f"\nbreakaway link: {weakest:.0f} to {strongest:.0f} N")
+    for cable in (p.highest_tension_n, strongest, p.brake_strength_n):
+        print(f"{cable:.0f} N in the cable: {bearing_load(cable):.0f} N on the motor's upper bearing")

@@ -31,7 +31,17 @@ def test_the_brake_bears_its_strength_with_the_stated_factor():
     for load in strength.loads():
         assert load.factor >= p.strength_factor, load
     assert strength.tooth_force() * p.root_radius == pytest.approx(p.brake_strength_n * p.spool_radius)
-    assert strength.bearing_load() < p.brake_strength_n / 3  # the pawl's push opposes the cable's pull
+
+
+def test_the_bearings_are_in_balance_with_cable_and_pawl():
+    cable = 100.0
+    tooth, upper = strength.tooth_force(cable), strength.bearing_load(cable)
+    lower = upper - (cable - tooth)  # the other way
+    middle = p.motor_base + p.motor_height / 2
+    outer = (upper + lower) * p.motor_bearings / 2
+    pawl_height = p.motor_top - p.ratchet_width / 2
+    assert outer == pytest.approx(cable * (p.cable_height - middle) - tooth * (pawl_height - middle))
+    assert strength.bearing_load(strength.breakaway()[1]) < p.brake_strength_n
 
 
 def test_the_pawl_is_drawn_in_against_friction():
