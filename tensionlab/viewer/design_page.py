@@ -42,7 +42,7 @@ class DesignPage:
         self._dragging = False
         self._compared: DesignState | None = None
         self._shown_volume: tuple[object, ...] = ()
-        self._queue = EditQueue(edits.begin(rig), self._show)
+        self._queue = EditQueue(edits.opening(rig), self._show)
         self.edit = self._queue.edit
         self._drawing = DesignDrawing(server.viser, self.state, self._grab, self._select)
         self._workspace = WorkspaceWorker(self._show_volume)

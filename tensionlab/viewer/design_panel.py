@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.errors import RigError, WriteError
+from tensionlab.errors import RigError, TensionlabError, WriteError
 from tensionlab.model.files import load_rig, save_rig
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import select_solvers
-from tensionlab.solvers.base import POLICIES
+from tensionlab.solvers.base import POLICIES, Status
 from tensionlab.support.arrays import Floats
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE
 from tensionlab.support.files import writing
 from tensionlab.support.files.named import is_path, list_names
+from tensionlab.support.files.reading import read_toml
 from tensionlab.validation.rig_check import check_rig
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_scene import tension_colours
@@ -30,7 +33,7 @@ from tensionlab.viewer.server import on_input, on_press
 from tensionlab.viewer.solver_comparison import SolverPanel
 from tensionlab.viewer.state import DesignState, selected_module
 from tensionlab.viewer.workspace import COARSE, Volume, usable_metrics
-from tensionlab.workspace.layout.task import LayoutTask, load_task
+from tensionlab.workspace.layout.task import load_task
 from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
 from tensionlab.workspace.shares import describe_step
@@ -57,7 +60,7 @@ class DesignPanel:
         self._folder = Path.cwd()
         self._fields: list[tuple[Any, Callable[[DesignState], Any]]] = []  # with functions that read their values
         gui = self._gui
-        self._status, self._problem, self._tensions = (gui.add_html("") for _ in range(3))
+        self._status, self._legend, self._problem, self._tensions = (gui.add_html("") for _ in range(4))
         both = gui.add_button_group("", ("Undo", "Redo"))
         on_press(both, lambda: queue.undo() if both.value == "Undo" else queue.redo())
         on_press(gui.add_command("Undo", hotkey="Z", modifier="cmd/ctrl"), queue.undo)
@@ -142,7 +145,10 @@ class DesignPanel:
             self._add_selected_module()
         on_press(gui.add_button("Add a module"), lambda: queue.edit(edits.add_module))
         self._grid = self._bind_attribute(gui.add_number("snap to grid m", 0.0, min=0.0, step=STEP_M), "grid_m")
-        space = gui.add_text("snap to space", "", hint="Name of a space, or its file: walls for modules")
+        hint = "Walls for modules: a space that comes with tensionlab, or a file in the folder of this page"
+        space = gui.add_dropdown(
+            "snap to space", (NONE, *list_names("spaces"), *own_spaces(self._folder)), hint=hint
+        )
         self._space = on_input(space, lambda: self._snap_to(space.value))
         self._walls = gui.add_html("")
         ghost = gui.add_dropdown("compare with", (NONE, AS_LOADED, *list_names("rigs")))
@@ -189,7 +195,11 @@ class DesignPanel:
         on_press(gui.add_button("Save"), lambda: self.save(self._file.value))
 
     def _snap_to(self, space: str) -> None:
-        self._queue.edit(lambda state: replace(state, task=load_space(space, self._folder)))
+        def snap(state: DesignState) -> DesignState:
+            place = place_below(self._folder, space) if is_path(space, SUFFIX) else space
+            return replace(state, task=None if space == NONE else load_task(place))
+
+        self._queue.edit(snap)
 
     def _compare_with(self, name: str) -> None:
         rig = None if name == NONE else self._rig if name == AS_LOADED else load_rig(name)
@@ -208,6 +218,7 @@ class DesignPanel:
     def show(self, state: DesignState, found: StateEvaluation, problem: str) -> None:
         """Bring all fields up to date; a field whose entry was refused keeps it, to be corrected."""
         self._status.content = status_html(state, found)
+        self._legend.content = render("common.legend", legend(state, found))
         self._problem.content = render("design.problem", problem)
         self._tensions.content = tensions_html(state, found)
         if problem:
@@ -272,6 +283,21 @@ def status_html(state: DesignState, found: StateEvaluation) -> str:
     return render("design.status", state, found, 1.0 / force_scale(state.rig))
 
 
+def legend(state: DesignState, found: StateEvaluation) -> list[tuple[str, str]]:
+    """Return what is drawn, with its colour."""
+    missed = found.allocation is not None and found.allocation.status != Status.EXACT
+    entries = {
+        "desired force": (ORANGE, bool(state.wrench[: state.rig.dimension].any())),
+        "rendered force": (BLUE, missed),
+        "error": (GREY, missed),
+        "proof that it is infeasible": (PURPLE, found.certificate is not None),
+        "available forces": (BLUE, found.available is not None),
+        "workspace": (GREEN, state.show_workspace),
+        "other rig": (GREY, state.ghost is not None),
+    }
+    return [(text, colour) for text, (colour, shown) in entries.items() if shown]
+
+
 def tensions_html(state: DesignState, found: StateEvaluation) -> str:
     """Return each module's tension as a bar between zero and the largest limit."""
     if found.allocation is None:
@@ -310,9 +336,10 @@ def save_below(folder: Path, rig: Rig, path: str) -> Path:
     return place
 
 
-def load_space(word: str, folder: Path) -> LayoutTask | None:
-    """Return a space by its name or its file below a folder; None until that is complete."""
-    name = word.strip()
-    if name not in list_names("spaces") and not name.endswith(SUFFIX):
-        return None
-    return load_task(place_below(folder, name) if is_path(name, SUFFIX) else name)
+def own_spaces(folder: Path) -> list[str]:
+    """Return the names of the files in a folder that are spaces for modules."""
+    found = []
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        with suppress(TensionlabError):
+            found += [path.name] * ("counts" in read_toml(path, "a space", RigError))
+    return found

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,8 +28,10 @@ FORCE_SHARE = 0.25  # length of the arrow of the strongest tension, about, as a 
 SLACK_N = 1e-9
 # Radii of the balls at modules and hand, and dimensions of arrows, as shares of the size of the rig.
 ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015
+LABEL_SHARE = 1.5 * ANCHOR_SHARE  # distance of labels above modules, as such a share
 ARROW_SHARES = {"shaft_radius": 0.004, "head_radius": 0.010, "head_length": 0.03}
 FIELD_OF_VIEW_RAD = 0.7
+PHONE_COVERED = 0.45  # share of an upright picture that the panel covers, from below
 CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
 NO_LINE = np.zeros((1, 2, 3))
 
@@ -125,6 +128,8 @@ class RigDrawing:
         self._server, self._on_new_module = server, on_new_module
         self._scene = scene = server.scene
         self.reach = 1.0  # size of the rig when `look_at` was last called, in m
+        self._up = np.array([0.0, 1.0, 0.0])
+        server.on_client_connect(self._look_from_phone)
         scene.world_axes.visible = False
         self._cables = add_lines(scene, "cables", CABLE_PIXELS)
         self._platform = add_lines(scene, "platform")
@@ -142,7 +147,11 @@ class RigDrawing:
         ``points`` are arrays (k, d) to show as well; ``covered`` is the share of the picture, from below, that
         something else covers.
         """
-        place_camera(self._server, rig, *points, covered=covered)
+        self._view, self._up = partial(camera_pose, rig, *points), upward(rig)
+        self._server.scene.set_up_direction(tuple(self._up))
+        camera = self._server.initial_camera
+        camera.fov = FIELD_OF_VIEW_RAD
+        camera.position, camera.look_at, camera.up = self._view(covered=covered)
         low, high = (in_space(corner) for corner in bounds(rig, *points))
         middle, reach = (low + high) / 2, float((high - low).max())
         if rig.dimension == 2:  # behind the rig
@@ -160,6 +169,16 @@ class RigDrawing:
         )  # fmt: skip
         self.reach = size(rig)
 
+    async def _look_from_phone(self, client: Any) -> None:
+        """Have a browser whose picture is upright see the rig above the panel."""
+        camera = client.camera
+        aspect = camera.image_width / max(camera.image_height, 1)
+        if aspect < 1.0 - PHONE_COVERED / 2:
+            with client.atomic():
+                camera.position, camera.look_at, camera.up_direction = self._view(
+                    covered=PHONE_COVERED, aspect=aspect
+                )
+
     def show(self, scene: RigScene) -> None:
         """Bring all nodes up to date."""
         set_lines(self._cables, scene.cables)
@@ -176,7 +195,7 @@ class RigDrawing:
         for ball, label, place, colour, text in zip(
             self._balls, self._labels, scene.anchors, scene.colours, scene.labels, strict=True
         ):
-            ball.position = label.position = place
+            ball.position, label.position = place, place + LABEL_SHARE * self.reach * self._up
             ball.color, ball.radius = tuple(colour.tolist()), ANCHOR_SHARE * self.reach
             label.text = text
 
@@ -187,7 +206,7 @@ class RigDrawing:
         for i in range(len(self._balls), count):
             ball = self._scene.add_icosphere(f"/anchors/{i}", color=rgb(BLUE), cast_shadow=False)
             self._balls.append(ball)
-            self._labels.append(self._scene.add_label(f"/labels/{i}", "", anchor="bottom-left"))
+            self._labels.append(self._scene.add_label(f"/labels/{i}", "", anchor="bottom-center"))
             self._on_new_module(ball, i)
 
 
@@ -196,24 +215,25 @@ def upward(rig: Rig) -> Floats:
     return in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
 
 
-def place_camera(server: viser.ViserServer, rig: Rig, *points: Floats, covered: float = 0.0) -> None:
-    """Point the camera of browsers at the whole rig, its vertical axis upright; a rig in the plane from the front.
+def camera_pose(
+    rig: Rig, *points: Floats, covered: float = 0.0, aspect: float = 1.0
+) -> tuple[Floats, Floats, Floats]:
+    """Return where a camera is that sees the whole rig, at what it looks, and its axis that is up.
 
-    ``points`` and ``covered`` are as in `RigDrawing.look_at`.
+    A rig in the plane is seen from the front. ``points`` and ``covered`` are as in `RigDrawing.look_at`;
+    ``aspect`` is the width of the picture by its height.
     """
     low, high = (in_space(corner) for corner in bounds(rig, *points))
     middle, up = (low + high) / 2, upward(rig)
-    server.scene.set_up_direction(tuple(up))
     away = np.array([0.0, 0.0, 1.0])
     if rig.dimension == 3:
         away = 1.15 * np.roll(np.abs(up), 1) + 0.85 * np.roll(np.abs(up), 2) + 0.55 * up
     away = away / np.linalg.norm(away)
-    camera = server.initial_camera
-    camera.fov = FIELD_OF_VIEW_RAD
-    distance = float(np.linalg.norm(high - low)) / 2 / np.sin(FIELD_OF_VIEW_RAD / 2) / (1.0 - covered)
+    half = np.tan(FIELD_OF_VIEW_RAD / 2)
+    distance = float(np.linalg.norm(high - low)) / 2 / np.sin(FIELD_OF_VIEW_RAD / 2) / min(1.0 - covered, aspect)
     upwards = up - (up @ away) * away
-    middle = middle - covered * distance * np.tan(FIELD_OF_VIEW_RAD / 2) * upwards / np.linalg.norm(upwards)
-    camera.position, camera.look_at, camera.up = middle + distance * away, middle, up
+    middle = middle - covered * distance * half * upwards / np.linalg.norm(upwards)
+    return middle + distance * away, middle, up
 
 
 def linear(colours: Colours) -> Colours:

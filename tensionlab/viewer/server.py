@@ -206,6 +206,7 @@ class PageServer:
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()  # next to the picture, so that neither hides the other
         gui.main_panel.set_width(PANEL_PIXELS)
+        gui.add_html(render("common.style"))
         name = f"[{host}]" if ":" in host else socket.gethostname() if host in ("0.0.0.0", "::") else host
         self.url = f"http://{name}:{self.viser.get_port()}/?token={self.gate.token}"
 
@@ -233,20 +234,11 @@ class PageServer:
             self.viser.stop()
 
 
-def _start_viser(host: str, port: int, gate: Gate) -> viser.ViserServer:
-    """Start viser's server behind a gate.
+def _gated_connection(gate: Gate) -> type[ServerConnection]:
+    """Return the class of connections behind a gate."""
+    from websockets.asyncio.server import ServerConnection
 
-    viser has no hook for it, but takes its server from a name of its module, which is replaced while it starts.
-    """
-    with optional_import("view", "the view"):
-        import viser
-    import websockets
-    import websockets.asyncio.server
-    from viser.infra import _infra
-
-    gated = False
-
-    class Connection(websockets.asyncio.server.ServerConnection):
+    class Connection(ServerConnection):
         """Connection that the gate knows of, and that gives viser only the messages that pass."""
 
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -266,6 +258,22 @@ def _start_viser(host: str, port: int, gate: Gate) -> viser.ViserServer:
                 pass
             return message
 
+    return Connection
+
+
+def _start_viser(host: str, port: int, gate: Gate) -> viser.ViserServer:
+    """Start viser's server behind a gate.
+
+    viser has no hook for it, but takes its server from a name of its module, which is replaced while it starts.
+    """
+    with optional_import("view", "the view"):
+        import viser
+    import websockets
+    import websockets.asyncio.server
+    from viser.infra import _infra
+
+    gated = False
+
     def serve(*words: Any, process_request: Callable[..., Response | None], **options: Any) -> Any:
         nonlocal gated
         gated = True
@@ -273,7 +281,7 @@ def _start_viser(host: str, port: int, gate: Gate) -> viser.ViserServer:
         async def answer(connection: ServerConnection, request: Request) -> Response | None:
             return await gate.answer(connection, request, process_request)
 
-        options |= {"max_size": MAX_MESSAGE_BYTES, "create_connection": Connection, "logger": QUIET}
+        options |= {"max_size": MAX_MESSAGE_BYTES, "create_connection": _gated_connection(gate), "logger": QUIET}
         return websockets.asyncio.server.serve(*words, process_request=answer, **options)
 
     module: Any = _infra

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal, get_args
@@ -10,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import RigError
+from tensionlab.errors import RigError, TensionlabError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import WORLD, Module
 from tensionlab.model.pose import RestPose
@@ -19,6 +20,7 @@ from tensionlab.solvers.base import Policy
 from tensionlab.support.arrays import Floats, readonly_copy
 from tensionlab.workspace.layout.space import Space
 from tensionlab.workspace.layout.task import LayoutTask
+from tensionlab.workspace.wrench_set import required_margin
 
 HAND = "hand"  # name of the hand, or the platform, among the names of modules
 DECIMALS = 4  # decimals of coordinates in m and forces in N that are dragged
@@ -78,6 +80,16 @@ def begin(rig: Rig) -> DesignState:
     return DesignState(
         rig=rig, position=rig.home, rotation=rig.home_orientation, wrench=readonly_copy(np.zeros(rig.n))
     )
+
+
+def opening(rig: Rig) -> DesignState:
+    """Return the state in which a page opens: the workspace, and a force of half the margin across the view."""
+    state, wrench = replace(begin(rig), show_workspace=True), np.zeros(rig.n)
+    with suppress(TensionlabError):  # a cable has no length at home
+        structure = rig.structure_matrix(state.position, state.rotation, rig.at_rest)
+        margin = float(required_margin(rig, structure, rig.required, state.rotation))
+        wrench[("xyz".index(rig.vertical) - 1) % rig.dimension] = float(f"{max(0.5 * margin, 0.0):.2g}")
+    return set_wrench(state, wrench)
 
 
 def selected_module(state: DesignState) -> Module | None:

@@ -9,15 +9,16 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 import tensionlab as tl
-from tensionlab.errors import TensionlabError, WriteError
+from tensionlab.errors import WriteError
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_panel import load_space, save_below, status_html, tensions_html
+from tensionlab.viewer.design_panel import legend, own_spaces, save_below, status_html, tensions_html
 from tensionlab.viewer.design_scene import draw
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import begin
 from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, plain, served, until
 
+SPACES = tl.datasets.folder() / "spaces"
 # Complaint of the browser about how viser listens to the mouse.
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
 
@@ -36,12 +37,19 @@ def saved(tab, name):
     return tl.load_rig(name).anchors
 
 
-def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
-    assert load_space("four-in-a-room", tmp_path).name == "four-in-a-room"
-    for word in ("", "four-in", "/tmp/spaces/my-ro"):
-        assert load_space(word, tmp_path) is None
-    with pytest.raises(TensionlabError, match="my-room"):
-        load_space("my-room.toml", tmp_path)
+def test_files_that_are_spaces_can_be_chosen(tmp_path):
+    (tmp_path / "my-room.toml").write_text((SPACES / "four-in-a-room.toml").read_text())
+    (tmp_path / "rig.toml").write_text((SPACES.parent / "rigs" / "cube-8.toml").read_text())
+    (tmp_path / "broken.toml").write_text("[[counts")
+    assert own_spaces(tmp_path) == ["my-room.toml"]
+
+
+def test_the_legend_has_what_is_drawn(point):
+    assert [text for text, _ in legend(point, evaluate(point))] == ["available forces"]
+    state = edits.set_fields(show_workspace=True)(edits.set_wrench(point, [20.0, 0.0, 0.0]))
+    assert [text for text, _ in legend(state, evaluate(state))] == [
+        "desired force", "rendered force", "error", "proof that it is infeasible", "available forces", "workspace",
+    ]  # fmt: skip
 
 
 def test_the_status_of_feasible_and_infeasible_forces(point):

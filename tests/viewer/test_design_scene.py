@@ -10,8 +10,8 @@ from tensionlab.support.colours import rgb
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_scene import DesignDrawing, draw, tension_colours
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import force_scale
-from tensionlab.viewer.state import begin
+from tensionlab.viewer.scene import FIELD_OF_VIEW_RAD, bounds, camera_pose, force_scale
+from tensionlab.viewer.state import begin, opening
 
 
 def drawn(state):
@@ -101,3 +101,35 @@ def test_modules_that_are_added_and_removed_have_a_ball_each():
         drawing.show(draw(shown, evaluate(shown)), shown)
         there = [ball for ball in balls[others:] if not ball.remove.called]
         assert [ball.position.tolist() for ball in there] == shown.anchors.tolist()
+
+
+@pytest.mark.parametrize("name", ["bartels2026-validation", "cogiro", "kntu-planar", "seven-modules"])
+def test_a_page_opens_on_a_feasible_force_across_the_view(name):
+    state = opening(tl.load_rig(name))
+    found, d = evaluate(state), state.rig.dimension
+    force = state.wrench[:d]
+    assert found.allocation.exact
+    assert np.linalg.norm(state.wrench) == pytest.approx(found.margin / 2, rel=0.05)
+    position, look_at, _ = camera_pose(state.rig)
+    away = (position - look_at)[:d]
+    assert abs(away @ force) < 0.6 * np.linalg.norm(position - look_at) * np.linalg.norm(force)
+    assert state.show_workspace
+
+
+def test_a_rig_without_a_margin_opens_without_a_force():
+    assert not opening(tl.load_rig("floor-3")).wrench.any()
+
+
+@pytest.mark.parametrize("name", ["bartels2026-validation", "cogiro", "kntu-planar"])
+def test_a_phone_shows_the_whole_rig_above_its_panel(name):
+    rig, covered, aspect = tl.load_rig(name), 0.45, 390 / 844
+    position, look_at, up = camera_pose(rig, covered=covered, aspect=aspect)
+    forward = (look_at - position) / np.linalg.norm(look_at - position)
+    right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+    corners = np.array(np.meshgrid(*np.transpose(bounds(rig)))).reshape(rig.dimension, -1).T
+    points = np.pad(corners, ((0, 0), (0, 3 - rig.dimension))) - position
+    across, upwards = (points @ axis / (points @ forward) for axis in (right, np.cross(right, forward)))
+    half = np.tan(FIELD_OF_VIEW_RAD / 2)
+    assert (abs(across) <= half * aspect).all()
+    assert (upwards <= half).all()
+    assert (upwards >= half * (2 * covered - 1)).all()

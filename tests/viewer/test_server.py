@@ -154,8 +154,10 @@ def test_nothing_is_saved_or_read_outside_the_folder_in_which_the_page_was_start
             until(lambda said=said: said in panel._problem.content, "the refusal to write")
             page.edit(lambda state: state)
             until(lambda: not panel._problem.content, "the end of the notice")
-            client.update(panel._space, value=path)
-            until(lambda said=said: said in panel._problem.content, "the refusal to read")
+            client.update(panel._space, value=path)  # none of its options
+        client.update(panel._position, value=[0, 0.5, 0])
+        until(lambda: page.state.position[1] == 0.5, "the edit after it")
+        assert page.state.task is None
         assert "abc" not in panel._problem.content
         assert (tmp_path / "secret.toml").read_text() == "password = 'abc'\n"
         assert sorted(each.name for each in tmp_path.iterdir()) == ["here", "secret.toml"]
