@@ -106,7 +106,7 @@ what-if: .venv/dev.stamp
 
 figures: .venv/dev.stamp playground
 	@$(BIN)/python paper_figures/make.py
-	@PYTHONPATH=. $(BIN)/python playground/animate.py
+	@$(BIN)/python paper_figures/pictures.py
 
 # The site: out/site/index.html. A warning is an error.
 docs: .venv/docs.stamp playground

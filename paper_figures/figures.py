@@ -36,10 +36,14 @@ DIGITS = 6  # swept values are rounded to so many, so that no processor's last d
 
 @dataclass(frozen=True)
 class Drawing:
-    """Data -> figure or table: `load` takes the folder of the data sets, `draw` what it returns."""
+    """Data -> figure or table: `load` takes the folder of the data sets, `draw` what it returns.
+
+    `sources` are the files with its data and the code that draws it; if one changes, the figure is stale.
+    """
 
     load: Callable[[Path], Any]
     draw: Callable[[Any], Any]
+    sources: tuple[str, ...]
     suffixes: tuple[str, ...] = FIGURE
 
 
@@ -81,31 +85,59 @@ def published_and_simulated(data: list[Any]) -> tables.Table:
     return tables.published_and_simulated(published, recording, trials[alike])
 
 
+PLOTS, HERE = "tensionlab/plots/", "paper_figures/"
+CONCEPTS = (HERE + "concepts.py", HERE + "portraits.py")
 DRAWINGS = {
-    "forces": Drawing(load_all(RECORDING), lambda data: plots.plot_forces(*data)),
-    "error-sphere": Drawing(
-        load_all(RECORDING, "rigs/bartels2026-validation"),
-        lambda data: plot_error_sphere(*data),
+    "forces": Drawing(
+        load_all(RECORDING), lambda data: plots.plot_forces(*data),
+        (PLOTS + "validation.py", f"datasets/{RECORDING}.*"),
     ),
-    "published": Drawing(load_all(PUBLISHED, RECORDING, TRIALS), published_and_simulated, TABLE),
-    "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data: plot_what_if(*data)),
-    "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data: plots.plot_pareto(*data)),
-    "anchor-count": Drawing(sweeps_of_modules, lambda data: anchor_count.plot_anchor_count(*data)),
-    "anchor-count-shares": Drawing(sweeps_of_modules, lambda data: tables.shares_of_room(data[1]), TABLE),
-    "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plot_scenario_layouts(data, PROPOSALS)),
-    "workspace": Drawing(sweep_of_rooms, plots.plot_slices),
-    "wrench-set": Drawing(lambda _: concepts.wrench_set(), concepts.draw_wrench_set, PAGE),
-    "policies": Drawing(lambda _: concepts.policies(), concepts.draw_policies, PAGE),
-    "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, PAGE),
-    "brake-maps": Drawing(lambda _: concepts.brake_maps(), lambda found: brake_maps.plot_brake_maps(*found), PAGE),
-    "stiffness": Drawing(lambda _: concepts.stiffness_bounds(), concepts.draw_stiffness_bounds, PAGE),
-    "wall-stiffness": Drawing(lambda _: concepts.wall_stiffness(), concepts.draw_wall_stiffness, PAGE),
-    "pulleys": Drawing(lambda _: concepts.pulley_errors(), concepts.draw_pulley_errors, PAGE),
-    "module-states": Drawing(lambda _: concepts.module_states(), concepts.draw_module_states, (".svg",)),
+    "error-sphere": Drawing(
+        load_all(RECORDING, "rigs/bartels2026-validation"), lambda data: plot_error_sphere(*data),
+        (HERE + "validation_figures.py", f"datasets/{RECORDING}.*", "datasets/rigs/bartels2026-validation.toml"),
+    ),
+    "published": Drawing(
+        load_all(PUBLISHED, RECORDING, TRIALS), published_and_simulated,
+        (HERE + "tables.py", *(f"datasets/{name}.*" for name in (PUBLISHED, RECORDING, TRIALS))), TABLE,
+    ),
+    "what-if": Drawing(
+        load_all(TRIALS, PUBLISHED), lambda data: plot_what_if(*data),
+        (HERE + "validation_figures.py", f"datasets/{TRIALS}.*", f"datasets/{PUBLISHED}.*"),
+    ),
+    "time-accuracy": Drawing(
+        load_all("benchmarks/results"), lambda data: plots.plot_pareto(*data),
+        (PLOTS + "benchmark.py", "datasets/benchmarks/results.*"),
+    ),
+    "anchor-count": Drawing(
+        sweeps_of_modules, lambda data: anchor_count.plot_anchor_count(*data),
+        (HERE + "anchor_count.py", PLOTS + "workspace.py"),
+    ),
+    "anchor-count-shares": Drawing(
+        sweeps_of_modules, lambda data: tables.shares_of_room(data[1]),
+        (HERE + "anchor_count.py", HERE + "tables.py"), TABLE,
+    ),
+    "scenario-layouts": Drawing(
+        layouts_of_scenarios, lambda data: plot_scenario_layouts(data, PROPOSALS),
+        (HERE + "scenario_layouts.py", PLOTS + "scene.py", "tensionlab/scenarios/files/*.toml"),
+    ),
+    "workspace": Drawing(sweep_of_rooms, plots.plot_slices, (PLOTS + "workspace.py", "datasets/rigs/*.toml")),
+    "wrench-set": Drawing(lambda _: concepts.wrench_set(), concepts.draw_wrench_set, CONCEPTS, PAGE),
+    "policies": Drawing(lambda _: concepts.policies(), concepts.draw_policies, CONCEPTS, PAGE),
+    "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, CONCEPTS, PAGE),
+    "brake-maps": Drawing(
+        lambda _: concepts.brake_maps(), lambda found: brake_maps.plot_brake_maps(*found),
+        (HERE + "brake_maps.py", "tensionlab/scenarios/files/materials.toml"), PAGE,
+    ),
+    "stiffness": Drawing(lambda _: concepts.stiffness_bounds(), concepts.draw_stiffness_bounds, CONCEPTS, PAGE),
+    "wall-stiffness": Drawing(lambda _: concepts.wall_stiffness(), concepts.draw_wall_stiffness, CONCEPTS, PAGE),
+    "pulleys": Drawing(lambda _: concepts.pulley_errors(), concepts.draw_pulley_errors, CONCEPTS, PAGE),
+    "module-states": Drawing(
+        lambda _: concepts.module_states(), concepts.draw_module_states, CONCEPTS, (".svg",)
+    ),
     **{
         f"solver-{name.replace(':', '-')}": Drawing(
-            lambda _, name=name: portraits.portrait(name), portraits.draw_portrait, PAGE
+            lambda _, name=name: portraits.portrait(name), portraits.draw_portrait, (HERE + "portraits.py",), PAGE
         )
         for name in portraits.PORTRAYED
     },
-}  # by the name of the file, without its suffix
+}  # fmt: skip  # by the name of the file, without its suffix

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import stamps
 from figures import DRAWINGS, TABLE
 from tables import write_table
 
 from tensionlab.plots import save_figure
 
 ROOT = Path(__file__).parents[1]
+FIGURES = ROOT / "docs" / "figures"
 
 
 def main() -> None:
@@ -18,7 +20,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw the figures of this project from its data sets.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"all, or some of {', '.join(DRAWINGS)}")
     parser.add_argument("--datasets", type=Path, default=ROOT / "datasets", help="where the data are")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "figures", help="where the files go")
+    parser.add_argument("--out", type=Path, default=FIGURES, help="where the files go")
     options = parser.parse_args()
     for name in options.names:
         if name not in DRAWINGS:
@@ -31,6 +33,9 @@ def main() -> None:
         for suffix in drawing.suffixes:
             path = options.out / f"{name}{suffix}"
             write(drawn, path)
+            if options.out == FIGURES:
+                found = stamps.stamp(path, (*drawing.sources, *stamps.COMMON))
+                stamps.update({f"figures/{path.name}": found})
             print(path)
 
 

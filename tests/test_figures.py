@@ -17,6 +17,7 @@ from tests.helpers.recorded import made_up, made_up_trials
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "docs" / "figures"
+IMAGES = ROOT / "docs" / "images"
 CONSTRAINTS = (ROOT / "constraints.txt").read_text(encoding="utf-8")
 pinned = pytest.mark.skipif(
     f"\nmatplotlib=={version('matplotlib')}\n" not in CONSTRAINTS, reason="another matplotlib draws other figures"
@@ -91,11 +92,61 @@ def test_other_data_make_other_figures_and_tables(tmp_path, make):
     assert f"| mean size of the measured force (N) | 1.84 | {measured:.2f} (" in table
 
 
+def stamped():
+    """The stamp of each picture of the documentation, as it is kept and as it would be now."""
+    import stamps
+    from figures import DRAWINGS
+    from pictures import PICTURES
+
+    sources = {
+        f"figures/{name}{suffix}": ((*drawing.sources, *stamps.COMMON), "")
+        for name, drawing in DRAWINGS.items()
+        for suffix in drawing.suffixes
+    } | {f"images/{name}": (picture.sources, picture.stamp_text) for name, picture in PICTURES.items()}
+    now = {name: stamps.stamp(ROOT / "docs" / name, *made_of) for name, made_of in sources.items()}
+    return stamps.read(), now
+
+
+def test_every_picture_of_the_documentation_is_what_its_code_and_data_draw(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "paper_figures")
+    kept, now = stamped()
+    files = {f"{each.parent.name}/{each.name}" for folder in (COMMITTED, IMAGES) for each in folder.iterdir()}
+    assert now.keys() == files, "each is drawn by a script of paper_figures"
+    stale = sorted(name for name in now if kept.get(name) != now[name])
+    assert not stale, "`make figures` draws them again; look at them"
+
+
+def test_a_picture_is_stale_after_a_change_of_code_data_commands_or_itself(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "paper_figures")
+    from stamps import stamp
+
+    files = {"drawn.png": "pixels", "draw.py": "x = 1\n", "data/some.toml": "a = 1\n"}
+    (tmp_path / "data").mkdir()
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+
+    def now(text="tensionlab compare"):
+        return stamp(tmp_path / "drawn.png", ("draw.py", "data/*.toml"), text, tmp_path)
+
+    before = now()
+    assert now("tensionlab compare --all") != before
+    for name, other in (("drawn.png", "others"), ("draw.py", "x = 2\n"), ("data/some.toml", "a = 2\n")):
+        (tmp_path / name).write_text(other, encoding="utf-8")
+        assert now() != before, name
+        (tmp_path / name).write_text(files[name], encoding="utf-8")
+    (tmp_path / "draw.py").write_text('"""Draw\n\nthis."""\n\n# why\nx = 1\n', encoding="utf-8")
+    assert now() == before  # words do not change what is drawn
+    with pytest.raises(FileNotFoundError, match="is called gone"):
+        stamp(tmp_path / "drawn.png", ("gone.py",), root=tmp_path)
+
+
 def test_every_figure_is_described_and_small():
     described = (ROOT / "paper_figures" / "README.md").read_text(encoding="utf-8")
     assert {path.stem for path in COMMITTED.iterdir()} == set(re.findall(r"^\| `(.*?)`", described, re.MULTILINE))
     for path in COMMITTED.iterdir():
         assert path.stat().st_size < 300_000, path.name
+    for path in IMAGES.iterdir():
+        assert path.stat().st_size <= 700_000, path.name
 
 
 def test_a_figure_that_is_not_there_is_refused(tmp_path, make):

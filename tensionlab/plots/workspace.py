@@ -73,7 +73,11 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     windows = slice_windows(fields, several)
     widths, tall = np.ptp(windows[:, 0], axis=1), float(np.ptp(windows[0, 1]))
     scale = min(PANEL_WIDTH / widths.mean(), HIGHEST_PANEL / tall)
-    size = 1.8 + scale * widths[:columns].sum() + 0.4 * columns, 0.9 + (scale * tall + 0.9 - 0.3 * several) * rows
+    beside = 1.8 + 0.045 * max((len(name) for each in fields for name, _ in each.classes), default=0)
+    size = (
+        beside + scale * widths[:columns].sum() + 0.4 * columns,
+        0.9 + (scale * tall + 0.9 - 0.3 * several) * rows,
+    )
     with new_figure(size) as figure:
         grid: Any = figure.subplots(
             rows, columns, squeeze=False, sharex="col" if several else False, sharey=several,
