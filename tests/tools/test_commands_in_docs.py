@@ -18,7 +18,8 @@ CALL = re.compile(r"^(?:\.venv/bin/)?tensionlab (.+)$|`(?:\.venv/bin/)?tensionla
 
 def calls(text):
     """What stands behind `tensionlab`, in blocks of code and within lines."""
-    return [" ".join((one or two).split()) for one, two in CALL.findall(text)]
+    joined = text.replace("\\\n", " ")  # a shell's continued lines
+    return [" ".join((one or two).split()) for one, two in CALL.findall(joined)]
 
 
 def wrong(words):
