@@ -57,6 +57,7 @@ MESSAGES = (
         feed_forward=-0.25,
         amplitude=0.125,
         frequency=80.0,
+        phase=0.625,
         brake=False,
         ttl_ms=100,
     ),
@@ -72,7 +73,7 @@ MESSAGES = (
     Ping(echo=0x0123456789ABCDEF),
     ConfigureTelemetry(period_ms=20),
     Info(
-        protocol=3,
+        protocol=4,
         firmware=0x0003,
         serial_number=0xDEADBEEF,
         reset_reason=ResetReason.WATCHDOG,

@@ -93,6 +93,8 @@ class RigState:
 class Impedance(NamedTuple):
     """Impedance that a module renders at its own rate, instead of a tension: `protocol.SetImpedance`. SI units.
 
+    The phase is that of the vibration when the run begins, in turns, equally for all modules.
+
     Examples
     --------
     >>> import numpy as np
@@ -107,6 +109,7 @@ class Impedance(NamedTuple):
     feed_forward: float = 0.0
     amplitude: float = 0.0
     frequency: float = 0.0
+    phase: float = 0.0
 
     def tension(self, length: float, speed: float) -> float:
         """Return the tension in N, vibration aside, at a length in m and a speed of paying out in m/s."""

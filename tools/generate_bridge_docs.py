@@ -78,7 +78,8 @@ no frame has come for 1 s. All other times are on the clock of the run, `time` o
 
 - The rig renders at its own rate, and interpolates the hand between frames, one frame behind. Motions of the
   hand faster than {MAX_HAND_SPEED_M_S:g} m/s are taken for jumps of the tracker, and the hand for resting.
-- Modules render stiff and vibrating effects, if their cables lie within 45 degrees of them. The host renders
+- Modules render stiff and vibrating effects, if their cables lie within 45 degrees of them, and
+  vibrations by several cables together. The host renders
   the others, no stiffer than `ceiling` in the state. If that is less than desired, `softened` in the state
   has the rendered stiffness, and a `stiff` event reports the begin.
 - `--scenario NAME` repeats a scenario. Hand and bodies are where the client says, and the client's effects

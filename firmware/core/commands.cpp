@@ -120,7 +120,8 @@ Code Module::take_set_point(const Frame& frame, uint32_t now_us) {
   if (needs_length(command) && !length_known_) return Code::not_calibrated;
   const ParameterInfo& ttl = kParameters[static_cast<size_t>(Parameter::ttl)];
   const float wanted = command.ttl_ms == 0 ? parameters_[Parameter::ttl] : static_cast<float>(command.ttl_ms);
-  if (wanted < ttl.lower || wanted > ttl.upper || !set_point_.take(command, parameters_)) return Code::bad_value;
+  if (wanted < ttl.lower || wanted > ttl.upper || !set_point_.take(command, parameters_, now_us))
+    return Code::bad_value;
   apply(Event::set_point, now_us);
   last_number_ = number;
   renewed_us_ = now_us;

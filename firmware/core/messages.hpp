@@ -9,7 +9,7 @@
 namespace tensionlab {
 namespace firmware {
 
-constexpr uint8_t kProtocol = 3;
+constexpr uint8_t kProtocol = 4;
 constexpr uint16_t kFirmware = 0x0003;  // major, minor: 0.3
 
 enum class Type : uint8_t {
@@ -71,6 +71,7 @@ struct SetImpedance {
   float feed_forward;  // N
   float amplitude;     // of the vibration, N
   float frequency;     // of the vibration, Hz
+  float phase;         // of the vibration at 0 of the module's clock, in turns
   bool brake;
   uint16_t ttl_ms;
   uint8_t rounds;
@@ -130,8 +131,8 @@ inline Code read(const Frame& frame, SetTension& command) {
 inline Code read(const Frame& frame, SetImpedance& command) {
   Reader reader(frame.payload, frame.size);
   command.session = reader.u16();
-  float* const numbers[] = {&command.rest,         &command.stiffness, &command.damping,
-                            &command.feed_forward, &command.amplitude, &command.frequency};
+  float* const numbers[] = {&command.rest,      &command.stiffness, &command.damping, &command.feed_forward,
+                            &command.amplitude, &command.frequency, &command.phase};
   bool finite = true;
   for (float* number : numbers) {
     *number = reader.f32();

@@ -13,7 +13,7 @@ inline bool needs_length(const SetImpedance& command) { return command.stiffness
 class SetPoint {
  public:
   // Both refuse what lies outside the module's limits, and then leave the set-point as it was.
-  bool take(const SetTension& command, const Parameters& p) {
+  bool take(const SetTension& command, const Parameters& p, uint32_t) {
     if (command.tension < 0.0f || command.tension > p[Parameter::tension_upper]) return false;
     spring_ = SetImpedance{};
     spring_.feed_forward = command.tension;
@@ -21,17 +21,18 @@ class SetPoint {
     return true;
   }
 
-  bool take(const SetImpedance& command, const Parameters& p) {
+  bool take(const SetImpedance& command, const Parameters& p, uint32_t now_us) {
     const float most = p[Parameter::tension_upper];
     const bool inside = command.rest >= 0.0f && command.rest <= p[Parameter::length_upper] &&
                         command.stiffness >= 0.0f && command.stiffness <= p[Parameter::stiffness_limit] &&
                         command.damping >= 0.0f && command.damping <= p[Parameter::damping_limit] &&
                         magnitude(command.feed_forward) <= most && command.amplitude >= 0.0f &&
                         command.amplitude <= most && command.frequency >= 0.0f &&
-                        command.frequency <= kHighestFrequency;
+                        command.frequency <= kHighestFrequency && command.phase >= 0.0f && command.phase <= 1.0f;
     if (!inside) return false;
-    if (command.frequency != spring_.frequency) phase_ = 0.0f;
     spring_ = command;
+    phase_ = turns(command.frequency, now_us) + command.phase;
+    if (phase_ >= 1.0f) phase_ -= 1.0f;
     return true;
   }
 
@@ -51,6 +52,13 @@ class SetPoint {
 
  private:
   static constexpr float kHighestFrequency = 500.0f;  // Hz
+
+  // Fraction of a turn at a time of the module's clock. In turns of 54 bits, of which whole ones overflow: a float
+  // has no digits left for the phase after some minutes.
+  static float turns(float frequency, uint32_t now_us) {
+    const uint64_t each_us = (static_cast<uint64_t>(frequency * 16777216.0f) << 30) / 1000000u;
+    return static_cast<float>(each_us * now_us >> 30 & 0xFFFFFFu) / 16777216.0f;
+  }
 
   SetImpedance spring_ = {};  // a plain tension is a spring without stiffness
   float phase_ = 0.0f;        // of the vibration, in turns

@@ -166,6 +166,7 @@ class Bench {
         writer.f32(script_.between(-6.0f, 6.0f));
         writer.f32(script_.between(0.0f, 6.0f));
         writer.f32(script_.between(0.0f, 500.0f));
+        writer.f32(script_.between(0.0f, 1.0f));
         writer.u8(script_.below(2));
         writer.u16(0);
         writer.u8(rounds_);

@@ -350,6 +350,21 @@ def test_a_vibration_has_its_frequency_and_amplitude():
     assert spectrum.max() == pytest.approx(0.1, rel=0.01)
 
 
+@pytest.mark.parametrize("start", [0.0, 61.7, 4200.0])  # the clock wraps around at 4295 s
+@pytest.mark.parametrize(("frequency", "phase"), [(50.0, 0.25), (33.3, 0.0), (0.5, 0.8)])
+def test_a_vibration_has_its_phase_by_the_modules_clock_whenever_set_points_come(start, frequency, phase):
+    host = armed(start_us=round(1e6 * start))
+    for wait in (0.017, 0.031, 1.3):
+        host.render(feed_forward=2.0, amplitude=0.1, frequency=frequency, phase=phase, ttl_ms=2000)
+        host.module.advance(wait)
+        before = host.module.seconds
+        trace = host.module.trace(0.01)
+        turns = float(np.float32(frequency)) * (start + before + 2.5e-4 * np.arange(1, len(trace) + 1)) + phase
+        expected = 2.0 + 0.1 * np.sin(2.0 * np.pi * turns)
+        if host.module.seconds > 0.1:  # there, by the slew-rate limit
+            np.testing.assert_allclose(trace.commanded, expected, atol=0.01)
+
+
 # Other limits
 
 

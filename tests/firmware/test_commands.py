@@ -144,15 +144,15 @@ def refused_set_points():
     """Yield types, layouts and numbers of set-points that are none, out of range, or live too short or long."""
     for tension in (*NO_NUMBERS, -0.01, 6.01, 1e30):
         yield Type.SET_TENSION, "fBHB", (tension, 0, 0, 0)
-    for field in range(6):
+    for field in range(7):
         for value in (*NO_NUMBERS, -7.0, 1e30):
-            numbers = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+            numbers = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
             numbers[field] = value
-            yield Type.SET_IMPEDANCE, "6fBHB", (*numbers, 0, 0, 0)
+            yield Type.SET_IMPEDANCE, "7fBHB", (*numbers, 0, 0, 0)
     for ttl_ms in (1, 49, 2001, 65535):
         yield Type.SET_TENSION, "fBHB", (1.0, 0, ttl_ms, 0)
     yield Type.SET_TENSION, "fBHB", (1.0, 2, 0, 0)  # a flag is 0 or 1
-    yield Type.SET_IMPEDANCE, "6fBHB", (*6 * [0.0], 2, 0, 0)
+    yield Type.SET_IMPEDANCE, "7fBHB", (*7 * [0.0], 2, 0, 0)
 
 
 @pytest.mark.parametrize("state", [State.ARMED, State.RUNNING])

@@ -93,7 +93,8 @@ class Water:
 class Vibration:
     """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it does work, like a motor.
 
-    It runs on a module, whose cable pulls with A above its minimum tension, so that it never goes slack. A host
+    It runs on the module whose cable is within 20 degrees of the axis, or on all free ones together, in phase or
+    half a turn apart; their cables pull with A above the minimum tension, so that they never go slack. A host
     would need more than ten steps per period. A spool resonates on its cable: the motor's amplitude is A over the
     module's ``vibration_gain`` at f. Its slew-rate limit, 60 N/s by default and up to 300, bounds that amplitude:
     ``slew/(2 pi f)``, 0.24 N at 40 Hz.

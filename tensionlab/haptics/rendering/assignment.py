@@ -74,6 +74,9 @@ class ModuleLimits:
 
 
 STANDARD_LIMITS = ModuleLimits()
+# One cable within 20 degrees of its axis renders a vibration alone. Of several, each shakes by more than the last
+# number, and their sum is no farther from the axis than the second, as a share.
+LONE_COSINE, MAX_GAP_ACROSS, MIN_SWING_N = 0.94, 0.1, 1e-3
 # Fastest vibration of the host, in cycles per set-point: at 0.44 it is 3 dB weaker, above 0.5 another frequency.
 MAX_CYCLES_PER_STEP = 0.42
 
@@ -163,7 +166,8 @@ def assign(
             rendered, wanted, softened = _host_side(
                 effect, motion, memory, part, springs, host_stiffness, host_step
             )
-            gain = cables.gain(part, None if springs is None else next(iter(springs.impedances)))
+            rendering = [] if springs is None else [*springs.impedances]
+            gain = cables.gain(part, rendering[0] if len(rendering) == 1 else None)
             if springs is None and part is not None and not part.feed_forward:
                 rendered = rendered._replace(force=rendered.force / gain)
             if "frequency" not in softened:
@@ -246,9 +250,16 @@ def _too_fast(
     if not part.amplitude:
         return {}
     largest = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
-    for cable, each in {} if springs is None else springs.impedances.items():
-        largest = each.amplitude * cables.gain(part, cable) * float(part.axis @ cables.directions[cable])
-    return {"amplitude": (part.amplitude, largest)} if part.amplitude > largest * (1.0 + 1e-9) else {}
+    if springs is not None:
+        swings = [
+            each.amplitude
+            * cables.gain(part, cable)
+            * math.cos(2.0 * math.pi * each.phase)
+            * cables.directions[cable]
+            for cable, each in springs.impedances.items()
+        ]
+        largest = float(part.axis @ sum(swings))
+    return {"amplitude": (part.amplitude, largest)} if part.amplitude > 1.01 * largest else {}
 
 
 def _demand(
@@ -296,6 +307,42 @@ class ModuleSprings(NamedTuple):
     share: float
 
 
+def along_cables(
+    part: AxisImpedance, cables: CableState, free: NDArray[np.bool_], limits: ModuleLimits = STANDARD_LIMITS
+) -> dict[int, Impedance]:
+    """Return the smallest vibrations of all free cables, by cable, that together are one along a part's axis.
+
+    A cable that pulls against the axis shakes half a turn later. If one reaches its limits, all are smaller, so
+    that the direction stays. There are none where one cable lies along the axis, or where cables are too few.
+    """
+    used, directions = np.flatnonzero(free), cables.directions[free]
+    if not part.amplitude or part.feed_forward or not used.size or (directions @ part.axis).max() > LONE_COSINE:
+        return {}
+    shares = np.linalg.pinv(directions.T) @ part.axis
+    if np.linalg.norm(shares @ directions - part.axis) > MAX_GAP_ACROSS:
+        return {}
+    gains, swings = (
+        np.array([cables.gain(part, cable) for cable in used.tolist()]),
+        part.amplitude * np.abs(shares),
+    )
+    taut = (limits.upper - limits.lower) / (2.0 * np.maximum(gains, 1.0))
+    largest = gains * np.minimum(taut, limits.slew / (2.0 * math.pi * part.frequency))
+    swings *= min(float((largest / np.maximum(swings, MIN_SWING_N)).min()), 1.0)
+    return {
+        cable: Impedance(
+            rest=min(float(cables.lengths[cable]), limits.length),
+            feed_forward=limits.lower + swing * max(1.0, 1.0 / gain),
+            amplitude=swing / gain,
+            frequency=part.frequency,
+            phase=0.5 * (share < 0.0),
+        )
+        for cable, swing, gain, share in zip(
+            used.tolist(), swings.tolist(), gains.tolist(), shares.tolist(), strict=True
+        )
+        if swing > MIN_SWING_N
+    }
+
+
 def module_springs(
     part: AxisImpedance,
     motion: Motion,
@@ -319,6 +366,8 @@ def module_springs(
     would let a hand shake across the axis (`stable_share`), or damp it less than the host alone or one cable would
     (`SpringRule`): the latter slowly, because a stiffness that follows the hand late drives it.
     """
+    if shaken := along_cables(part, cables, free, limits):
+        return ModuleSprings(shaken, np.zeros_like(part.axis), 0.0, 0.0, 0.0)
     found = _native.module_springs(
         part.axis,
         (

@@ -191,15 +191,12 @@ class Renderer:
             demands |= zip(group, plan.demands, strict=True)
             available = available & [index not in plan.impedances for index in range(self._rig.m)]
         force = limit_force(force, self._max_force)
-        balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
         if share <= 0.0:
             return Demand()
         wrench, wanted = np.zeros(self._rig.n), np.zeros(self._rig.n)
         wrench[: self._rig.dimension] = share * force
         wanted[: self._rig.dimension] = share * desired
-        springs = {
-            self._names[index]: self._scaled(each, share, balance[index]) for index, each in impedances.items()
-        }
+        springs = self._balanced(share * force, impedances, share, state) if impedances else {}
         if share < 1.0:
             demands = {name: replace(each, force=share * each.force) for name, each in demands.items()}
         return Demand(wrench, springs, desired=wanted, effects=demands)
@@ -264,26 +261,30 @@ class Renderer:
             if stages is not None:  # the observer paired forces and motions by another delay
                 self._memories[True] = GroupMemory(effects, stages._replace(observed=None))
 
-    def _balance(self, force: Floats, impedances: Mapping[int, Impedance], state: RigState) -> Floats:
-        """Return the tension in N that each cable needs besides its impedance.
+    def _balanced(
+        self, force: Floats, impedances: Mapping[int, Impedance], share: float, state: RigState
+    ) -> dict[str, Impedance]:
+        """Return a share of impedances, by module, and in each the tension that its cable needs besides.
 
         Together they are tensions that render the force; if possible, each cable stays taut if its spring goes
-        slack.
+        slack. A vibrating cable stays taut.
         """
-        springs = np.zeros(self._rig.m)
-        for index, each in impedances.items():
+        springs, scaled = np.zeros(self._rig.m), {}
+        for index, whole in impedances.items():
+            least = self.limits.lower if whole.amplitude else 0.0
+            parts = {name: share * getattr(whole, name) for name in ("stiffness", "damping", "amplitude")}
+            each = whole._replace(feed_forward=least + share * (whole.feed_forward - least), **parts)
+            scaled[index] = each
             springs[index] = each.tension(float(state.lengths[index]), float(state.speeds[index]))
         limits = self._rig.limits.only(state.active)
         taut = allocate(state.structure, force, (np.minimum(limits.lower + springs, limits.upper), limits.upper))
         if not taut.exact:
             lower = np.clip(springs, limits.lower, limits.upper)
             taut = allocate(state.structure, force, (lower, limits.upper))
-        return np.maximum(taut.tensions - springs, 0.0)
-
-    def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
-        """Return a share of an impedance plus a balance in N; a vibrating cable stays taut."""
-        amplitude, lower = share * cable.amplitude, self.limits.lower
-        lowest = lower + share * (cable.feed_forward - lower) if amplitude else 0.0
-        feed_forward = min(max(share * cable.feed_forward + balance, lowest), self.limits.upper)
-        stiffness, damping = share * cable.stiffness, share * cable.damping
-        return Impedance(cable.rest, stiffness, damping, feed_forward, amplitude, cable.frequency)
+        pulls = np.maximum(taut.tensions - springs, 0.0)
+        return {
+            self._names[index]: each._replace(
+                feed_forward=min(each.feed_forward + float(pulls[index]), self.limits.upper)
+            )
+            for index, each in scaled.items()
+        }

@@ -35,7 +35,7 @@ from tensionlab.hardware.protocol.codes import (
 MAX_PAYLOAD, MAX_PIECE = _native.MAX_PAYLOAD, _native.MAX_PIECE
 DELIMITER = b"\0\0\0"  # end of a frame. It takes three flips to make one of other bytes, none of which is zero.
 CHECKSUM_BYTES = 3  # bytes of a checksum
-PROTOCOL = 3  # version of the protocol; `Info` has the module's
+PROTOCOL = 4  # version of the protocol; `Info` has the module's
 MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
 
 # Layout of a field in the payload, as `struct` format characters.
@@ -185,7 +185,8 @@ class SetImpedance(Message, type=Type.SET_IMPEDANCE):
     """Render a spring, a damper and a vibration, at the module's own rate.
 
     Pull with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed, 0) + amplitude sin(2 pi
-    frequency t)`` N, in m, N/m, N s/m and Hz, where speed is that of paying out.
+    (frequency t + phase))`` N, in m, N/m, N s/m, Hz and turns, where speed is that of paying out and t is by the
+    module's clock.
     """
 
     session: U16
@@ -195,6 +196,7 @@ class SetImpedance(Message, type=Type.SET_IMPEDANCE):
     feed_forward: F32
     amplitude: F32 = 0.0
     frequency: F32 = 0.0
+    phase: F32 = 0.0
     brake: Flag = False
     ttl_ms: U16 = 0
     rounds: U8 = 0

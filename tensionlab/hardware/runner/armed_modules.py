@@ -11,7 +11,7 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import Allocation
-from tensionlab.demand import Demand, Pose, RigState
+from tensionlab.demand import Demand, Impedance, Pose, RigState
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
@@ -41,6 +41,7 @@ MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
 SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
 HISTORY_S = 5.0  # time for which times of set-points are kept
 LATE_PERIODS, UNKNOWN_PERIODS = 2, 5  # ages of telemetry from which on it is late, and its tension unknown
+CLOCK_DRIFT = 1e-4  # largest difference between the rates of two clocks
 STALL_SHARE = 0.75  # a cycle that comes later than this share of the time to live after the one before has stalled
 
 
@@ -100,6 +101,8 @@ class ArmedModules:
         self._unknown_ages = np.full(rig.m, min(UNKNOWN_PERIODS * period, settings.ttl))
         self._no_brakes = np.zeros(rig.m, dtype=bool)
         self._seen: Observation | None = None
+        self.start = 0.0  # of the first cycle, by the clock of the run
+        self._offsets: dict[str, tuple[float, float]] = {}  # of modules' clocks, and when they were measured
         group.clear_checked()
 
     @property
@@ -230,8 +233,11 @@ class ArmedModules:
             client, brake = self._clients[index], bool(brakes[index])
             try:
                 if index in springs:
-                    spring = self._clearance.soften(demand.impedances[client.name], index)._asdict()
-                    sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
+                    spring = self._clearance.soften(demand.impedances[client.name], index)
+                    if spring.amplitude:
+                        spring = spring._replace(phase=self._module_phase(client, spring))
+                    message = SetImpedance(0, **spring._asdict(), brake=brake, ttl_ms=ttl_ms)
+                    sequences[index] = client.set_impedance(message)
                 else:
                     sequences[index] = client.set_tension(float(tensions[index]), brake=brake, ttl_ms=ttl_ms)
             except LinkError as error:
@@ -240,6 +246,23 @@ class ArmedModules:
             self._lose(index, why)
         self._delays.send(sequences, self._clock.now())
         return sequences
+
+    def _module_phase(self, client: ModuleClient, spring: Impedance) -> float:
+        """Return the phase of a vibration at 0 of a module's clock, in turns.
+
+        That clock is known by the telemetry that was underway for the shortest time; the module's crystal may be
+        off by `CLOCK_DRIFT`.
+        """
+        if (received := client.telemetry) is None:
+            return spring.phase
+        offset = received.time - 1e-6 * received.message.time_us
+        known, measured = self._offsets.get(client.name, (offset, received.time))
+        known += CLOCK_DRIFT * (received.time - measured)
+        if 0.0 < offset - known < 1.0:  # more: its clock has wrapped around
+            offset = known
+        self._offsets[client.name] = offset, received.time
+        begin = self._clock.now() - self.start - client.link.clock() + offset  # of that clock, in the run's time
+        return (spring.phase + float(np.float32(spring.frequency)) * begin) % 1.0
 
     def fixed_tensions(self, demand: Demand, state: RigState) -> Floats:
         """Return the tensions (m,) in N of modules with an impedance, and of lost ones that have not released."""

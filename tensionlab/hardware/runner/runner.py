@@ -216,6 +216,7 @@ class Runner:
         """
         period, start, due = 1.0 / self.settings.rate, self._clock.now(), 0
         hung = max(MIN_HUNG_S, self.settings.ttl)
+        modules.start = start
         while seconds is None or due * period < seconds:
             self._clock.wait_until(start + due * period)
             now = self._clock.now() - start

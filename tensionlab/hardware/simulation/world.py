@@ -70,7 +70,13 @@ def simulated_module(
     built = plant_parameters(module)
     if module.cable_stiffness is not None:
         built["stiffness"] = min(module.cable_stiffness / length, MAX_CABLE_STIFFNESS_N_M)
-    simulated = SimulatedModule(serial_number, plant=built | dict(plant or {}), distance=length, seed=seed)
+    simulated = SimulatedModule(
+        serial_number,
+        plant=built | dict(plant or {}),
+        distance=length,
+        seed=seed,
+        start_us=1_234_567 * serial_number,  # no two are switched on at once
+    )
     simulated.advance(STEP_S)  # before its first step, a module knows nothing
     client = ModuleClient(module.name, SimulatedLink(simulated), seed)
     lower, upper = PARAMETERS["tension_lower"], PARAMETERS["length_upper"]

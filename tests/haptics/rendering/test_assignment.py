@@ -186,6 +186,36 @@ def test_an_amplitude_is_corrected_by_the_gain_of_its_module_and_the_rest_is_nam
         assert cable in (0, 2)
 
 
+def test_several_cables_are_together_a_vibration_along_an_axis_that_none_has():
+    draw = np.random.default_rng(0)
+    several = 0
+    for _ in range(200):
+        directions = draw.normal(size=(5, 3))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        gains = draw.uniform(0.3, 2.0, 5)
+        modules = tuple(
+            Module(str(i), -each, 0.5, 6.0, vibration_gain=[[30.0, gain]])
+            for i, (each, gain) in enumerate(zip(directions, gains, strict=True))
+        )
+        cables = CableState(np.full(5, 2.0), directions, draw.random(5) > 0.2, modules)
+        axis, size = draw.normal(size=3), draw.choice([0.1, 1.0])
+        plan = assign((Vibration(tuple(axis), size, 30.0),), at(0.0, 0.0, 0.0), cables)
+        if len(plan.impedances) < 2:
+            continue
+        several += 1
+        force = np.zeros(3)
+        for cable, each in plan.impedances.items():
+            assert cables.available[cable]
+            assert each.amplitude <= 60.0 / (2.0 * np.pi * 30.0) * (1.0 + 1e-9)
+            assert each.feed_forward >= 0.5 + each.amplitude * max(gains[cable], 1.0) - 1e-9
+            force += gains[cable] * each.amplitude * np.cos(2.0 * np.pi * each.phase) * directions[cable]
+        assert abs(np.cross(force, axis)).max() < 0.11 * size * np.linalg.norm(axis)
+        wanted = plan.demands[0].softened.get("amplitude", (size, size))[1]
+        assert force @ axis / np.linalg.norm(axis) == pytest.approx(wanted, rel=0.02)
+        assert not plan.expected.any()
+    assert several > 100
+
+
 def test_the_hosts_own_vibration_is_corrected_too():
     modules = tuple(
         Module(str(i), -each, 0.5, 6.0, vibration_gain=[[8.0, 1.25]]) for i, each in enumerate(DIRECTIONS)

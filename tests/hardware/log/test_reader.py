@@ -247,7 +247,7 @@ def test_datasets_and_tables_name_what_they_hold(seven):
     run = read_run(seven[0])
     name, dataset, table = run.rig.modules[3].name, run.to_xarray(), run.to_pandas()
     assert dict(dataset.sizes) == {
-        "cycle": 120, "axis": 3, "platform_axis": 3, "component": 3, "module": 7, "impedance": 6,
+        "cycle": 120, "axis": 3, "platform_axis": 3, "component": 3, "module": 7, "impedance": 7,
         "frame": 0, "entry": 4,
     }  # fmt: skip
     assert set(dataset.variables) >= {*COLUMNS, "lower", "upper"}

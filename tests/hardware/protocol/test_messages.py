@@ -111,13 +111,13 @@ def test_numbers_that_do_not_fit_are_not_sent(session, tension):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 3"),
+        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 4"),
         (WireFrame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
         (WireFrame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])), "Acknowledge: 99 is not a valid Code; does"),
         (WireFrame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
         (WireFrame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
-        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 3: put the firmware"),
-        (WireFrame(Type.INFO, 0, b"\4later, and longer"), "speaks protocol 4, this tensionlab 3: install the"),
+        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 4: put the firmware"),
+        (WireFrame(Type.INFO, 0, b"\5later, and longer"), "speaks protocol 5, this tensionlab 4: install the"),
         (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
         (parameter(math.inf), "value is inf"),
         (info(tension_lower=-math.inf), "Info: tension_lower is -inf"),
