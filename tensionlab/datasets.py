@@ -29,8 +29,7 @@ PROBLEM_COUNT = 1000  # problems that a problem set has
 def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:
     """List the names of all data sets, as `load` takes them, or those of one kind, such as "recordings".
 
-    ``folder`` is where the data sets are; None for those that come with this package. InputError if there is no
-    such folder or kind.
+    InputError if there is no such folder or kind.
 
     Parameters
     ----------

@@ -44,8 +44,7 @@ class Trajectory:
     acceleration : (K, d) or (K, n) array
         The derivative of the velocity, in m/s² and rad/s².
     wrench : (K, d) or (K, n) array or None
-        Wrench that the cables exert in addition to moving the platform, such as the force of a process, in N and
-        N·m.
+        Wrench that the cables exert in addition to moving the platform, in N and N·m.
 
     Examples
     --------

@@ -67,8 +67,7 @@ class ImprovedClosedForm:
     Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While cables violate their limits, the one that does by
     most is fixed at the limit, its wrench is subtracted, its column is dropped, and the others are solved again;
     at most (free cables - rank of W) times. The answer is exact far more often than that of one pseudo-inverse,
-    but it minimises nothing once a cable has been fixed, and a failure does not certify the wrench infeasible. The
-    reference plays no part. Iterations are the cables fixed.
+    but once a cable is fixed it minimises nothing, and a failure certifies nothing. The reference plays no part.
 
     Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel robots",
     2014.

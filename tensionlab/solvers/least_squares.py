@@ -116,8 +116,7 @@ class Dykstra:
     ----------
     tolerance : float
         A problem is done when ``|W z - w|`` is at most this times ``max(1, |w|)`` or, if the wrench is infeasible,
-        when the duality gap proves z to be within it of the least distance. That x stops moving is no
-        criterion: it stalls before.
+        when the duality gap proves z to be within it of the least distance.
     iteration_limit : int
         Iterations after which the last z is returned.
     """

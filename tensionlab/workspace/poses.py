@@ -248,8 +248,7 @@ def box(
     x, y, z : (from, to), or a number
         The box, in m; a number is a plane of it. No z in the plane.
     step : number, or one for each axis
-        Distance between neighbours, in m. The first is at ``from``; the last is at ``to`` if the step divides the
-        edge.
+        Distance of neighbours, in m. The first is at ``from``, the last at ``to`` if the step divides the edge.
     rotations
         As in `Grid`.
 

@@ -232,8 +232,7 @@ def _collecting(failed: dict[ModuleClient, HardwareError], client: ModuleClient)
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
     """Connect to all modules of a rig; ``links`` are links or URLs, by the module's name.
 
-    HardwareError if the names are not those of the rig's modules, or a link cannot be opened; the others are then
-    closed.
+    HardwareError if the names are not those of the rig's modules, or a link cannot be opened; all are then closed.
     """
     names = [module.name for module in rig.modules]
     for name in links:
