@@ -31,8 +31,8 @@ NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
 MEASURED = "measured"
 COLOURS = 128  # of a stored picture, which has flat areas
 COARSE = 40  # squares along each side in which two pictures are compared
-ALIKE = 0.02  # greatest mean difference of two pictures, white less black being 1, and of two numbers, relatively
-ROUGHLY = 0.1  # the same of two pictures that show times
+ALIKE, ROUGHLY = 1e-4, 0.1  # greatest mean difference of two pictures, from 0 to 1; and if they show times
+CLOSE = 0.02  # greatest relative difference of two numbers
 
 Shown = Mapping[str, str]  # what one output shows: a text or a picture for each kind
 
@@ -88,7 +88,7 @@ def lasting_outputs(outputs: Sequence[Shown]) -> list[Shown]:
 def differ(cell: Any, now: Sequence[Shown]) -> str:
     """Return how what a cell shows now differs from what is stored; empty if it says the same.
 
-    Words are the same; numbers to 2 %, whole numbers exactly; pictures as seen from far away. Of a cell with the
+    Words are the same; numbers to 2 %, whole numbers exactly; pictures but for single pixels. Of a cell with the
     tag `measured`, whose numbers and pictures come from times, words are compared, and pictures roughly.
     """
     one, other = shown(cell.outputs), now
@@ -115,7 +115,7 @@ def _same_text(one: str, other: str, words_only: bool) -> bool:
 def _same_number(one: str, other: str) -> bool:
     if one.isdigit() and other.isdigit():
         return one == other
-    return abs(float(one) - float(other)) <= max(1e-6, ALIKE * abs(float(one)))
+    return abs(float(one) - float(other)) <= max(1e-6, CLOSE * abs(float(one)))
 
 
 def _distance(one: str, other: str) -> float:
