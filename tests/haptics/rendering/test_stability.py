@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.wall_stability import Hand, measured_bound, simulate
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Friction, Magnet, Motion, Shape, Texture, Viscous, Wall
 from tensionlab.haptics.effects.shape import VirtualCoupling
@@ -18,6 +17,7 @@ from tensionlab.haptics.rendering.stability import (
 )
 from tensionlab.model.wall_stiffness import stiffness_bound
 from tests.helpers.motions import Staged
+from tests.helpers.simulated_wall import Hand, measured_bound, simulate
 
 STEP = 0.001
 DELAYS = np.array([0, 1, 2, 5, 10, 15, 20, 25, 30]) * 1e-3
