@@ -23,11 +23,7 @@ Law = Callable[[int, Floats, Floats], Floats]
 
 @checked_dataclass(EffectError)
 class Hand:
-    """How is the hand? Mass in kg, damping in N s/m, and the constant force with which it pushes, in N.
-
-    0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero. Hands that
-    are simulated together may be pushed with different forces, (...).
-    """
+    """Mass in kg, damping in N s/m and constant push in N, which may differ between hands (...)."""
 
     mass: PositiveMass = 0.3
     damping: Damping = 2.0
@@ -36,7 +32,7 @@ class Hand:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What happened? Arrays (steps, ...): position in m and velocity in m/s at each step's begin, force in N."""
+    """Position in m and velocity in m/s at the begin of each step, force in N: arrays (steps, ...)."""
 
     position: Floats
     velocity: Floats
@@ -44,10 +40,7 @@ class Track:
     step: float
 
     def energy(self) -> Floats:
-        """Return the energy that the wall has taken from the hand by each step (..., steps first), in J.
-
-        A passive wall never has less than none.
-        """
+        """Return the energy in J that the wall has taken by each step; a passive wall never gives any."""
         moved = np.diff(self.position, axis=0)
         return np.cumsum(-self.force[:-1] * moved, axis=0)
 
@@ -61,22 +54,9 @@ def simulate(
     step: float = 0.001,
     seconds: float = 4.0,
 ) -> Track:
-    """Simulate hands that move against a wall with a delay.
+    """Simulate hands against a wall, the space below zero, whose law sees the motion `delays` steps late.
 
-    Parameters
-    ----------
-    law : callable
-        The host: its force is computed from the motion as it was ``delay`` steps ago, and held for a step.
-    delays : (...) array of int
-        There and back, in steps.
-    position, velocity : (...) arrays
-        At the begin, in m and m/s; before that, the hand had been there at rest.
-    hand : Hand or None
-        None: the usual one.
-    step : float
-        In s.
-    seconds : float
-        How long.
+    Before the begin the hand had been at its position at rest.
     """
     hand = hand or Hand()
     count = round(seconds / step)
@@ -101,23 +81,9 @@ def simulate(
 def measured_bound(
     delays: Floats, damping: float = 0.0, hand: Hand | None = None, step: float = 0.001, seconds: float = 12.0
 ) -> Floats:
-    """Return the largest stiffness of the wall that does not shake, in N/m.
+    """Return the largest stiffness in N/m that does not shake, for round trips in s and a wall's damping in N s/m.
 
     Each is tried on a grid of ratios to the predicted bound, 1 % apart, beginning a little off the rest point.
-
-    Parameters
-    ----------
-    delays : (q,) array
-        Round trips, in s; a whole number of steps is simulated.
-    damping : float
-        B of the wall, in N s/m.
-    hand : Hand or None
-    step, seconds : float
-        In s.
-
-    Returns
-    -------
-    (q,) array
     """
     hand = hand or Hand()
     steps = np.rint(delays / step).astype(np.int64)[:, None]
