@@ -68,13 +68,6 @@ class ImpedanceField:
     multipliers: Floats
     gap: float
 
-    def stiffness_matrix(self, structure: Floats, lengths: Floats) -> Floats:
-        """Return the stiffness (d, d) in N/m, with that of the tensions, ``t (I - u u')/length``."""
-        turning = self.tensions / lengths
-        matrix: Floats = (structure * (self.stiffness - turning)) @ structure.T
-        matrix += turning.sum() * np.eye(len(structure))
-        return matrix
-
 
 def allocate_field(
     structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges

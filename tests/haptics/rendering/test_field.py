@@ -60,7 +60,8 @@ def test_a_wall_that_bisects_cables_is_rendered_by_them_and_a_force_that_is_infe
     matrix = (unit * found.stiffness) @ unit.T
     # Least squares by hand: error (1 - k/k0)² along, (k/k0)² s⁴ 2 across, with s = 1/2.
     assert matrix[2, 2] == pytest.approx(200.0 / (1.0 + 2.0 * 0.5**4), rel=1e-4)
-    geometric = found.stiffness_matrix(unit, rig.cables(rig.home).lengths) - matrix
+    turning = found.tensions / rig.cables(rig.home).lengths
+    geometric = turning.sum() * np.eye(3) - (unit * turning) @ unit.T
     pull = found.tensions.sum() / math.sqrt(0.75)
     assert np.trace(geometric) == pytest.approx(2.0 * pull)  # each cable, t/l in two directions
     hard = allocate_field(unit, 100.0 * up, 200.0 * wall, 2.0 * wall, ranges)
