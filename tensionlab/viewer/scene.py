@@ -31,6 +31,7 @@ ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015
 LABEL_SHARE = 1.5 * ANCHOR_SHARE  # distance of labels above modules, as such a share
 ARROW_SHARES = {"shaft_radius": 0.004, "head_radius": 0.010, "head_length": 0.03}
 FIELD_OF_VIEW_RAD = 0.7
+LABEL_ROOM = 1.12  # factor on the distance of the camera, so that labels at the border are whole
 PHONE_COVERED = 0.45  # share of an upright picture that the panel covers, from below
 CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
 NO_LINE = np.zeros((1, 2, 3))
@@ -230,7 +231,8 @@ def camera_pose(
         away = 1.15 * np.roll(np.abs(up), 1) + 0.85 * np.roll(np.abs(up), 2) + 0.55 * up
     away = away / np.linalg.norm(away)
     half = np.tan(FIELD_OF_VIEW_RAD / 2)
-    distance = float(np.linalg.norm(high - low)) / 2 / np.sin(FIELD_OF_VIEW_RAD / 2) / min(1.0 - covered, aspect)
+    radius = LABEL_ROOM * float(np.linalg.norm(high - low)) / 2
+    distance = radius / np.sin(FIELD_OF_VIEW_RAD / 2) / min(1.0 - covered, aspect)
     upwards = up - (up @ away) * away
     middle = middle - covered * distance * half * upwards / np.linalg.norm(upwards)
     return middle + distance * away, middle, up
