@@ -31,7 +31,7 @@ NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
 MEASURED = "measured"
 COLOURS = 128  # of a stored picture, which has flat areas
 COARSE = 40  # squares along each side in which two pictures are compared
-ALIKE, ROUGHLY = 1e-4, 0.1  # greatest mean difference of two pictures, from 0 to 1; and if they show times
+ALIKE, ROUGHLY = 1e-3, 0.1  # greatest mean difference of two pictures, from 0 to 1; and if they show times
 CLOSE = 0.02  # greatest relative difference of two numbers
 
 Shown = Mapping[str, str]  # what one output shows: a text or a picture for each kind
@@ -100,7 +100,7 @@ def differ(cell: Any, now: Sequence[Shown]) -> str:
         for kind in left:
             if kind == "image/png":
                 if (distance := _distance(left[kind], right[kind])) > (ROUGHLY if measured else ALIKE):
-                    return f"two pictures, {distance:.3f} apart"
+                    return f"two pictures, {distance:.4f} apart"
             elif not _same_text(left[kind], right[kind], measured):
                 return f"{left[kind]}\nand\n{right[kind]}"
     return ""
