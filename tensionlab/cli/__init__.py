@@ -2,7 +2,7 @@
 
 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout that cannot
 be written, with one line on stderr that says what to do. 130: ended by Ctrl-C, with one line on stderr that says
-what is kept and how to continue. 141: the reader of stdout has gone. A verb is imported when it is used, so that
+what was saved and how to continue. 141: the reader of stdout has gone. A verb is imported when it is used, so that
 ``--help`` stays quick.
 """
 

@@ -92,8 +92,8 @@ def run(
     failure: HardwareError | None = None
     with closing(group):
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-        felt = FidelitySink(loaded)
-        runner.sinks += [*open_sinks(log, loaded, solver, settings, links, lsl), felt]
+        judge = FidelitySink(loaded)
+        runner.sinks += [*open_sinks(log, loaded, solver, settings, links, lsl), judge]
         live = Live(
             get_renderable=lambda: live_table(runner),
             console=output.console(),
@@ -105,7 +105,7 @@ def run(
                 runner.run(seconds)
             except HardwareError as error:
                 failure = error
-    found = felt.fidelity()
+    found = judge.fidelity()
     if json:
         fidelity = {name: each.summary() for name, each in found.items()}
         output.print_json(runner.statistics.summary() | {"fidelity": fidelity})

@@ -49,7 +49,7 @@ def load_rig(path: str | PathLike[str]) -> Rig:
 def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
     """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept.
 
-    An existing file is replaced. WriteError if it cannot be written.
+    An existing file at ``path`` is replaced. WriteError if it cannot be written.
 
     Examples
     --------

@@ -29,7 +29,7 @@ TEXTS = {
 
 
 class HandRequest(NamedTuple):
-    """How the sensor is to be held in a part of a characterisation, a key of `TEXTS`, and where, (3,) in m."""
+    """How to hold the sensor in a part of a characterisation, a key of `TEXTS`, and where, (3,) in m."""
 
     grip: str
     place: Floats

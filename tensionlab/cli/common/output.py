@@ -50,7 +50,7 @@ def print_error(text: str) -> None:
 
 @contextlib.contextmanager
 def if_interrupted(*words: str) -> Iterator[None]:
-    """Say what is kept, and how to continue, where Ctrl-C ends this context; after what was said inside it."""
+    """Print what was saved, and how to continue, if Ctrl-C ends this context; after what was printed inside it."""
     try:
         yield
     except KeyboardInterrupt as error:
@@ -61,7 +61,7 @@ def if_interrupted(*words: str) -> Iterator[None]:
 def until_interrupted(kept: str) -> Iterator[Callable[[], bool]]:
     """Let Ctrl-C or SIGTERM end the work in good order; yield a function that tells whether one has come.
 
-    At the end, a Ctrl-C is raised, with what is kept.
+    At the end, a Ctrl-C is raised, with what was saved.
     """
     came: list[int] = []
     before = [signal.signal(number, lambda number, _: came.append(number)) for number in INTERRUPT_SIGNALS]

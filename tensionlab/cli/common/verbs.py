@@ -82,7 +82,7 @@ class Verb(TyperCommand):
     context_class = HelpContext
 
     def parse_args(self, context: Any, words: list[str]) -> list[str]:
-        """Read the words; of an option with one value, the parser would keep the last without a word."""
+        """Read the words; of an option with one value, the parser would keep the last and ignore the others."""
         try:
             _, _, found = self.make_parser(context).parse_args(list(words))
         except ClickException as error:

@@ -361,7 +361,7 @@ def module_springs(
     held; a spring softer than a thousandth of a module's largest is left out. Values are cut to the module's
     limits; a module damps whenever its cable pays out, so it gets the damping only in contact.
 
-    A field has to be felt noticeably nearer to the part than one cable, or than the host alone; so does a change
+    A field has to be noticeably nearer to the part than one cable, or than the host alone; so does a change
     back, where a field rendered it before, with ``previous_share``. It is softened as a whole where a late host
     would let a hand shake across the axis (`stable_share`), or damp it less than the host alone or one cable would
     (`SpringRule`): the latter slowly, because a stiffness that follows the hand late drives it.

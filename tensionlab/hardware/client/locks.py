@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from tensionlab.errors import LinkError
+from tensionlab.errors import LinkError, MissingDependency
 from tensionlab.hardware.client.shared_telemetry import publisher
 from tensionlab.support.files.writing import acquire_lock
 from tensionlab.support.operating_system import is_private, process_start, retry_while_locked, user_folders
@@ -124,9 +124,9 @@ def holders() -> dict[str, Holder]:
 
 
 def lock_simulated() -> LinkLock | None:
-    """Return a lock by which others find a process without links; None if too many have one."""
+    """Return a lock that shows others a process without links; None without filelock, or if many have one."""
     for number in range(MAX_SIMULATED):
-        with suppress(LinkError):
+        with suppress(LinkError, MissingDependency):
             return LinkLock(f"{SIMULATED}{number}")
     return None
 

@@ -192,7 +192,7 @@ _MEANINGS = {
     "brake_tooth": "cable from tooth to tooth of the brake's wheel",
     "brake_release_tension": "tension that takes the load off the pawl before it is lifted",
     "timeout_brake": "brake after a timeout",
-    "brake_on_fault": "brake after a fault, an emergency stop or a start: open for people, closed for loads",
+    "brake_on_fault": "brake after a fault, emergency stop or start: open for people, closed for loads",
     "motor_direction": "sign of the encoder while the cable pays out",
     "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
     "calibrated": "whether the module may be armed; CALIBRATE sets it",

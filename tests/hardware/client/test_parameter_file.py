@@ -33,7 +33,7 @@ def test_a_dump_has_all_parameters_with_units_and_the_module_for_information(cli
     assert list(document["parameters"]) == list(PARAMETERS)
     values = {name: float(np.float32(value)) for name, value in document["parameters"].items()}
     assert values == client.link.module.parameters
-    assert "spool_radius = 0.0195             # m, 0.005 to 0.1: from encoder angle to cable length\n" in text
+    assert "spool_radius = 0.0195             # m, 0.005 to 0.1: cable length per encoder angle\n" in text
     assert max(map(len, text.splitlines())) < 135
 
 
