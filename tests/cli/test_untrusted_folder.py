@@ -111,7 +111,6 @@ def folder(tmp_path, marks):
     return made
 
 
-@pytest.mark.realtime  # verbs that start processes, and end by Ctrl-C
 def test_no_verb_loads_anything_from_the_folder_it_is_called_in(folder, marks, tmp_path):
     poison = (folder / "evil.py").read_text()
     for name in ALSO_POISONED:
