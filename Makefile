@@ -113,6 +113,7 @@ docs: .venv/docs.stamp playground
 	@rm -rf docs/reference/generated out/site
 	@$(BIN)/sphinx-build --jobs 2 --keep-going --fail-on-warning --quiet -c docs -d build/site/doctrees . out/site
 	@cp out/playground.html out/site/
+	@test -f out/site/docs/index.html  # sphinx-build with several jobs may end in peace without having written
 	@echo "out/site/index.html"
 
 # The same in a browser: every page, link and anchor, the search, equations and pictures; screenshots in out/site-check.
