@@ -21,7 +21,6 @@ import stamps
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs" / "images"
-CHROMIUM = ["--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--no-sandbox", "--disable-dev-shm-usage"]
 SETTLE_MS = 8000  # after which a page in software rendering shows all it has
 
 
@@ -81,7 +80,7 @@ def shoot(command: list[str], out: Path, prepare: Callable[[Any], None]) -> None
     """Take a picture of the page that a command serves, after what prepares it."""
     from playwright.sync_api import sync_playwright
 
-    from tools.site.browser import installed
+    from tools.site.browser import SOFTWARE_WEBGL, installed
 
     command = [sys.executable, "-m", "tensionlab", *command, "--no-browser"]
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}
@@ -90,7 +89,7 @@ def shoot(command: list[str], out: Path, prepare: Callable[[Any], None]) -> None
             assert server.stdout is not None
             address = next(found[0] for line in server.stdout if (found := re.search(r"http://\S+", line)))
             with sync_playwright() as playwright:
-                browser = playwright.chromium.launch(executable_path=installed(), args=CHROMIUM)
+                browser = playwright.chromium.launch(executable_path=installed(), args=SOFTWARE_WEBGL)
                 page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme="light")
                 page.set_default_timeout(600_000)
                 page.goto(address)

@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from firmware import dangers
+from tests.helpers.shared import make_once
 from tests.stress import cases
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
@@ -13,13 +14,23 @@ SEEDS = max(cases(5), 2)
 
 
 @pytest.fixture(scope="module")
-def objects(tmp_path_factory):
-    return dangers.compile_firmware(tmp_path_factory.mktemp("dangers"))
+def folder(tmp_path_factory):
+    """Folder with the firmware's objects, and the program of them."""
+    return make_once(
+        tmp_path_factory,
+        "dangers",
+        lambda folder: dangers.link(dangers.compile_firmware(folder), folder / "dangers"),
+    )
 
 
 @pytest.fixture(scope="module")
-def played(objects):
-    return dangers.play(dangers.link(objects, objects[0].parent / "dangers"), SEEDS)
+def objects(folder):
+    return sorted(folder.glob("*.o"))
+
+
+@pytest.fixture(scope="module")
+def played(folder):
+    return dangers.play(folder / "dangers", SEEDS)
 
 
 def test_the_module_does_what_it_must_in_every_danger(played):

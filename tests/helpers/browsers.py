@@ -10,9 +10,9 @@ import pytest
 from tensionlab.model.files import load_rig
 from tensionlab.viewer.design_page import DesignPage
 from tensionlab.viewer.server import PageServer
+from tools.site.browser import SOFTWARE_WEBGL as OPTIONS
 from tools.site.browser import installed
 
-OPTIONS = ("--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--no-sandbox", "--disable-dev-shm-usage")
 VISER = "viser-v1.1.1"  # subprotocol of viser's WebSocket
 HANGS_S = 600.0  # only what hangs takes so long
 BROWSER = installed()

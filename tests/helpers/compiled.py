@@ -4,9 +4,10 @@ import shutil
 import subprocess
 from pathlib import Path
 
+from firmware.dangers import OPTIONS as STRICT
+
 ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
-STRICT = ("-std=c++17", "-O2", "-pthread", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 
 
 def compile_program(name: str, folder: Path, *sources: Path, options: tuple[str, ...] = STRICT) -> Path:

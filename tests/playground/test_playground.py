@@ -10,6 +10,7 @@ import tensionlab as tl
 from tensionlab import datasets
 from tensionlab.workspace.wrench_set import required_margin
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser
+from tests.helpers.shared import make_once
 from tests.stress import SHARE
 
 pytestmark = [
@@ -26,10 +27,10 @@ ASK = """([name, solver, asked]) => asked.map(([position, rotation, wrench, poli
 
 
 @pytest.fixture(scope="module")
-def page_file():
+def page_file(tmp_path_factory):
     from playground.build import PAGE, main
 
-    main()
+    make_once(tmp_path_factory, "playground", lambda _: main())
     return PAGE
 
 

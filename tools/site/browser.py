@@ -11,6 +11,12 @@ from playwright.sync_api import ConsoleMessage, Page, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+SOFTWARE_WEBGL = (
+    "--enable-unsafe-swiftshader",
+    "--use-angle=swiftshader",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+)
 TIMEOUT_S = 60.0  # only what hangs takes so long
 
 

@@ -249,16 +249,16 @@ def _too_fast(
         return {"ripples.height": (ripples.height, fade * ripples.height)} if fade < 1.0 else {}
     if not part.amplitude:
         return {}
-    largest = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
-    if springs is not None:
-        swings = [
+    if springs is None:
+        largest = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
+    else:
+        largest = sum(
             each.amplitude
             * cables.gain(part, cable)
             * math.cos(2.0 * math.pi * each.phase)
-            * cables.directions[cable]
+            * float(part.axis @ cables.directions[cable])
             for cable, each in springs.impedances.items()
-        ]
-        largest = float(part.axis @ sum(swings))
+        )
     return {"amplitude": (part.amplitude, largest)} if part.amplitude > 1.01 * largest else {}
 
 
@@ -321,10 +321,8 @@ def along_cables(
     shares = np.linalg.pinv(directions.T) @ part.axis
     if np.linalg.norm(shares @ directions - part.axis) > MAX_GAP_ACROSS:
         return {}
-    gains, swings = (
-        np.array([cables.gain(part, cable) for cable in used.tolist()]),
-        part.amplitude * np.abs(shares),
-    )
+    gains = np.array([cables.gain(part, cable) for cable in used.tolist()])
+    swings = part.amplitude * np.abs(shares)
     taut = (limits.upper - limits.lower) / (2.0 * np.maximum(gains, 1.0))
     largest = gains * np.minimum(taut, limits.slew / (2.0 * math.pi * part.frequency))
     swings *= min(float((largest / np.maximum(swings, MIN_SWING_N)).min()), 1.0)
@@ -356,10 +354,10 @@ def module_springs(
 
     If the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and the share c of its tension is
     along the axis; so one cable has the part's stiffness and damping over c², its forces over c, and its amplitude
-    over the module's gain, too; the cable is taut at both ends. The springs of a
-    field (`allocate_field`) end at the part's surface, so that a hand that withdraws before the host knows is not
-    held; a spring softer than a thousandth of a module's largest is left out. Values are cut to the module's
-    limits; a module damps whenever its cable pays out, so it gets the damping only in contact.
+    over the module's gain, too; the cable is taut at both ends. The springs of a field (`allocate_field`) end at
+    the part's surface, so that a hand that withdraws before the host knows is not held; a spring softer than a
+    thousandth of a module's largest is left out. Values are cut to the module's limits; a module damps whenever
+    its cable pays out, so it gets the damping only in contact.
 
     A field has to be noticeably nearer to the part than one cable, or than the host alone; so does a change
     back, where a field rendered it before, with ``previous_share``. It is softened as a whole where a late host
