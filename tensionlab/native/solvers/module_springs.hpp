@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "solvers/felt_stiffness.hpp"
 #include "solvers/impedance_field.hpp"
 
 namespace tensionlab {
