@@ -32,7 +32,7 @@ class SetPoint {
     if (!inside) return false;
     spring_ = command;
     phase_ = turns(command.frequency, now_us) + command.phase;
-    if (phase_ >= 1.0f) phase_ -= 1.0f;
+    phase_ -= static_cast<float>(static_cast<uint32_t>(phase_));
     return true;
   }
 
@@ -53,11 +53,13 @@ class SetPoint {
  private:
   static constexpr float kHighestFrequency = 500.0f;  // Hz
 
-  // Fraction of a turn at a time of the module's clock. In turns of 54 bits, of which whole ones overflow: a float
-  // has no digits left for the phase after some minutes.
+  // Turns of a vibration at a time of the module's clock, less the whole ones of whole seconds: a float has no
+  // digits left for the phase after some minutes. In parts of 2^-22 Hz the product overflows by whole turns only.
   static float turns(float frequency, uint32_t now_us) {
-    const uint64_t each_us = (static_cast<uint64_t>(frequency * 16777216.0f) << 30) / 1000000u;
-    return static_cast<float>(each_us * now_us >> 30 & 0xFFFFFFu) / 16777216.0f;
+    const uint32_t second = now_us / 1000000u;
+    const uint32_t parts = static_cast<uint32_t>(frequency * 4194304.0f) * second & 0x3FFFFFu;
+    return static_cast<float>(parts) / 4194304.0f +
+           frequency * 1e-6f * static_cast<float>(now_us - 1000000u * second);
   }
 
   SetImpedance spring_ = {};  // a plain tension is a spring without stiffness
