@@ -1,6 +1,7 @@
 """Draw the wiring of a module: ``python -m kit.wiring`` writes kit/wiring.svg.
 
-Pins of the ESP32 are named here by the constants of firmware/esp32/board.hpp, which has their numbers.
+Pins of the ESP32 are named here by constants of the firmware: board.hpp and boards/shield_2.hpp of firmware/esp32
+have their numbers.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from xml.sax.saxutils import escape
 
 HERE = Path(__file__).parent
 FILE = HERE / "wiring.svg"
-BOARD = HERE.parent / "firmware" / "esp32" / "board.hpp"
+ESP32 = HERE.parent / "firmware" / "esp32"
+BOARD_FILES = (ESP32 / "board.hpp", ESP32 / "boards" / "shield_2.hpp")
 WIDTH, HEIGHT = 1000, 850
 POWER, FIVE_VOLTS, THREE_VOLTS, MOTOR, SIGNAL, GROUND = (
     "#b3261e",
@@ -144,7 +146,7 @@ SYMBOLS = (
 @cache
 def pins() -> dict[str, int]:
     """Return the pins of the board by the names of their constants."""
-    text = re.sub(r"//.*", "", BOARD.read_text(encoding="utf-8"))
+    text = re.sub(r"//.*", "", "".join(path.read_text(encoding="utf-8") for path in BOARD_FILES))
     declared = "\n".join(re.findall(r"constexpr Pin .*?;", text, re.DOTALL))
     return {name: int(number) for name, number in re.findall(r"(k\w+) = (\d+)[,;]", declared)}
 

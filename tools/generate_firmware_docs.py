@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from binascii import crc_hqx
 from collections.abc import Iterable
@@ -106,6 +107,21 @@ def plant() -> str:
     """Return the table of the simulated hardware."""
     rows = [(f"`{name}`", row.unit, f"{row.default:g}", row.about) for name, row in PLANT.items()]
     return table(("Parameter", "Unit", "Value", "Meaning and source"), rows)
+
+
+def shields() -> str:
+    """Return the table of what the shields change: constants, and where their wires go."""
+    declaration = re.compile(r"^constexpr \w+ (k\w+) = (.*?);(?: +// (header pad \w+|own divider)\b)?", re.M)
+    head, columns = ["Constant"], []
+    for path in sorted((FOLDER / "esp32" / "boards").glob("shield_*.hpp")):
+        text = path.read_text(encoding="utf-8")
+        head.append(" ".join(re.findall(r"shield (v[\w.]+): (\w+)", text)[0]))
+        columns.append({name: (value, where) for name, value, where in declaration.findall(text)})
+    rows = []
+    for name in dict.fromkeys(name for column in columns for name in column):
+        found = [column.get(name, ("", "")) for column in columns]
+        rows.append([f"`{name}`", *(re.sub(r"f\b", "", f"{v}: {where}" if where else v) for v, where in found)])
+    return table(head, rows)
 
 
 def transitions() -> str:
@@ -209,6 +225,7 @@ def sections() -> dict[str, dict[str, str]]:
             "drawing": drawing(),
             "transitions": transitions(),
             "parameters": parameters(),
+            "shields": shields(),
             "plant": plant(),
             "figures": figures(),
             "allocator": allocator(),

@@ -29,7 +29,7 @@ double converter_slope(const plant::SensingParameters& p) {
 
 }  // namespace
 
-Story::Story(std::uint64_t seed) : random_(seed + 1) {
+Story::Story(std::uint64_t seed, int shield) : hardware(plant::with_shield(shield)), random_(seed + 1) {
   plant::PlantParameters& p = hardware.plant;
   p.resistance = between(2.5, 3.4);  // GM3506, cold to hot
   p.inductance = between(0.5e-3, 2e-3);
@@ -51,7 +51,7 @@ Story::Story(std::uint64_t seed) : random_(seed + 1) {
   hardware.way = either();
   hardware.zero = between(0.0, 6.28);
   hardware.start = between(0.0, 6.28);
-  hardware.bridge_resistance = between(0.25, 0.6);
+  hardware.bridge_resistance *= between(0.625, 1.5);
   hardware.dead_share = between(0.002, 0.01);
   hardware.encoder_latency = between(50e-6, 150e-6);
   hardware.encoder_noise = between(0.5, 1.5);

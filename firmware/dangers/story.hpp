@@ -9,6 +9,7 @@
 #include "fakes/board.hpp"
 #include "host.hpp"
 #include "plant/noise.hpp"
+#include "plant/shields.hpp"
 
 namespace tensionlab {
 namespace dangers {
@@ -18,7 +19,8 @@ using Hand = std::function<double(double)>;
 
 class Story {
  public:
-  explicit Story(std::uint64_t seed);
+  // On the shield of this version.
+  explicit Story(std::uint64_t seed, int shield = 2);
 
   double between(double lower, double upper) { return lower + (upper - lower) * random_.uniform(); }
   int below(int count) { return static_cast<int>(between(0.0, count)); }

@@ -37,7 +37,8 @@ class Alignment {
   // Call it some thousand times a second with what was measured, until it is no longer running.
   Result advance(uint32_t now_us, const Measured& measured) {
     const float seconds = 1e-6f * static_cast<float>(since(now_us, start_us_));
-    weigh(measured);
+    const bool turns = (seconds > kTurn && seconds < kForward) || (seconds > kBack && seconds < kHome);
+    if (turns) weigh(measured);
     if (seconds < kTurn) {
       begin_ = measured.angle;
     } else if (seconds < kBack) {
@@ -70,7 +71,8 @@ class Alignment {
     return clamp((kHome - seconds) / (kHome - kBack), 0.0f, 1.0f);
   }
 
-  // Adds up the current along the voltage: over whole turns, a phase that is swapped or inverted cancels.
+  // Adds up the current along the voltage. Over whole turns, and only over these, a phase that is swapped or
+  // inverted cancels.
   void weigh(const Measured& measured) {
     const float turns = wanted_.electrical / kTau;
     const float along_alpha = -sine_of_turns(part(turns)) * wanted_.voltage;

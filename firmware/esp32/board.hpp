@@ -1,27 +1,27 @@
-// One board: an ESP32-DevKitC (ESP32-WROOM-32E) beside a SimpleFOC shield v2, and a GM3506 motor. Every pin and
-// every number of the hardware that no parameter holds is here; README.md has the pins as a wiring table.
+// One board: an ESP32-DevKitC (ESP32-WROOM-32E) beside a SimpleFOC shield, and a GM3506 motor. Every pin and every
+// number of the hardware that no parameter holds is here or in the shield's own file; README.md has the pins as a
+// wiring table.
 #pragma once
 
 #include <stdint.h>
 
+// The shield's main version: 2 (published), 3 or 4. platformio.ini has an environment for each.
+#ifndef TENSIONLAB_SHIELD
+#define TENSIONLAB_SHIELD 2
+#endif
+#if TENSIONLAB_SHIELD == 2
+#include "boards/shield_2.hpp"
+#elif TENSIONLAB_SHIELD == 3
+#include "boards/shield_3.hpp"
+#elif TENSIONLAB_SHIELD == 4
+#include "boards/shield_4.hpp"
+#else
+#error "TENSIONLAB_SHIELD is 2, 3 or 4: firmware/esp32/boards has a file for each"
+#endif
+
 namespace tensionlab {
 namespace firmware {
 namespace board {
-
-using Pin = uint8_t;
-
-// Motor driver (L6234). The shield has 4.7 kOhm from the enable pin to ground, which keep it off while the ESP32
-// starts.
-constexpr Pin kPhaseA = 25, kPhaseB = 26, kPhaseC = 27;
-constexpr Pin kEnable = 33;
-
-// Current sensing (INA240) of two phases, and the motor supply behind a divider. All on the first converter; the
-// pins are inputs only, and not the two (36, 39) that disturb themselves.
-constexpr Pin kSenseA = 34, kSenseB = 35, kSupply = 32;
-constexpr float kShunt = 0.010f;         // ohm: a chip marked R010. Where it is marked R006, write 0.006f.
-constexpr float kSenseGain = 50.0f;      // V/V, INA240A2
-constexpr float kSenseSignB = -1.0f;     // the shield's second amplifier is the other way round
-constexpr float kSupplyDivider = 11.0f;  // 100 kOhm above 10 kOhm
 
 // Encoder (AS5048A).
 constexpr Pin kClock = 18, kFromEncoder = 19, kToEncoder = 23, kSelectEncoder = 5;
@@ -40,14 +40,12 @@ constexpr Pin kServo = 13;
 constexpr uint32_t kServoRate = 50;  // Hz
 constexpr uint8_t kServoBits = 16;
 
-// Motor (GM3506) and its control. The current limit holds whatever the parameters say.
+// Motor (GM3506) and its control.
 constexpr int kPolePairs = 11;
 constexpr float kPhaseResistance = 2.8f;      // ohm
-constexpr float kBridgeResistance = 0.4f;     // ohm: of a switch of the driver, and of the wires
 constexpr float kPhaseInductance = 0.00125f;  // H: 0.5 to 2 mH, by type and angle
 constexpr float kNominalSupply = 12.0f;       // V
 constexpr float kVoltageLimit = 6.9f;         // V across a phase: the supply over the square root of 3
-constexpr float kCurrentLimit = 2.5f;         // A
 constexpr float kAlignVoltage = 2.0f;         // V, to find the electrical zero: some 0.7 A
 constexpr long kPwmRate = 25000;              // Hz
 // Proportional and integral gain and filter for a current loop of 2 ms (inductance and resistance over that);

@@ -29,7 +29,7 @@ inline bool convert(board::Pin pin, float& volts) {
 
 class CurrentSensor : public InlineCurrentSense {
  public:
-  CurrentSensor() : InlineCurrentSense(board::kShunt, board::kSenseGain, board::kSenseA, board::kSenseB) {}
+  CurrentSensor() : InlineCurrentSense(board::kVoltsPerAmpere, 1.0f, board::kSenseA, board::kSenseB) {}
 
   // Where the converter does not answer, the last currents stay.
   PhaseCurrent_s getPhaseCurrents() override {

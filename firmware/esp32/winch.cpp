@@ -44,6 +44,7 @@ bool Winch::begin() {
   // With the driver off no current flows, and the offsets of the amplifiers are found.
   sense_.skip_align = true;
   const bool sensed = sense_.init() != 0;
+  sense_.gain_a *= board::kSenseSignA;
   sense_.gain_b *= board::kSenseSignB;
   motor_.linkCurrentSense(&sense_);
   _configureADCInline(nullptr, board::kSupply, _NC);
@@ -81,20 +82,21 @@ Sensors Winch::turn(const Parameters& parameters) {
 
 void Winch::apply(const Actuators& actuators, const Parameters& parameters) {
   target_ = pull_sign(parameters) * clamp(actuators.current, 0.0f, board::kCurrentLimit);
-  if (actuators.driver_on == on_) return;
-  if (actuators.driver_on) motor_.zero_electric_angle = parameters[Parameter::motor_zero];
-  switch_driver(actuators.driver_on);
-}
-
-void Winch::switch_driver(bool on) {
-  if (on) {
-    motor_.enable();
-    digitalWrite(board::kEnable, HIGH);
-  } else {
-    digitalWrite(board::kEnable, LOW);
-    motor_.disable();
+  const uint32_t now_us = static_cast<uint32_t>(micros());
+  if (!actuators.driver_on) {
+    if (enabled_) let_go();
+    return;
   }
-  on_ = on;
+  if (!enabled_) {
+    digitalWrite(board::kEnable, HIGH);
+    enabled_us_ = now_us;
+    enabled_ = true;
+  }
+  // A driver that still wakes gives no voltage, and the current control would wind up meanwhile.
+  if (on_ || since(now_us, enabled_us_) < static_cast<int32_t>(board::kWakeTime)) return;
+  motor_.zero_electric_angle = parameters[Parameter::motor_zero];
+  motor_.enable();
+  on_ = true;
 }
 
 // What the converter does not tell is no number, which the core takes for a fault.
@@ -117,9 +119,9 @@ Alignment::Measured Winch::measure_alignment() {
 }
 
 void Winch::let_go() {
-  held_ = false;
   digitalWrite(board::kEnable, LOW);
   motor_.disable();
+  on_ = enabled_ = held_ = false;
 }
 
 }  // namespace firmware

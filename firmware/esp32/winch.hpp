@@ -38,13 +38,12 @@ class Winch {
   // What the core decided in its step.
   void apply(const Actuators& actuators, const Parameters& parameters);
 
-  // To find the electrical zero: a voltage that turns as told instead of currents.
+  // To find the electrical zero: a voltage that turns as told instead of currents. let_go() ends it.
   void hold(const Alignment::Wanted& wanted);
   Alignment::Measured measure_alignment();
   void let_go();
 
  private:
-  void switch_driver(bool on);
   void measure_supply();
 
   static constexpr int32_t kRest = 200;  // until no current flows any more
@@ -56,7 +55,9 @@ class Winch {
   float supply_ = 0.0f, target_ = 0.0f;
   uint8_t turns_ = 0;
   int32_t rested_ = 0;  // turns since the driver went off, up to kRest
-  bool started_ = false, on_ = false, held_ = false;
+  uint32_t enabled_us_ = 0;
+  bool started_ = false, enabled_ = false, held_ = false;
+  bool on_ = false;  // enabled and awake
 };
 
 }  // namespace firmware

@@ -24,6 +24,7 @@ struct HardwareParameters {
   int pole_pairs = firmware::board::kPolePairs;
   bool swapped = false;            // two of the motor's wires
   double bridge_resistance = 0.0;  // ohm
+  double wake_time = 0.0;          // s, from the enable pin until the driver gives a voltage
   double dead_share = 0.0;         // of a period, in which both switches of a half-bridge are open
   double encoder_latency = 0.0;    // s, from the rotor to the angle that the chip sends
   double encoder_noise = 0.0;      // standard deviation, counts
@@ -99,7 +100,8 @@ class Hardware {
     const double electrical = poles * rotor() - (p_.swapped ? -p_.zero : p_.zero);
     const double electrical_speed = poles * p_.way * spool_.speed() / plant.radius;
     const double flux = plant.torque_constant / (1.5 * p_.pole_pairs);
-    const bool on = enabled && !faults.driver;
+    enabled_for_ = enabled ? enabled_for_ + seconds : 0.0;
+    const bool on = enabled && enabled_for_ > p_.wake_time && !faults.driver;
     const Vector voltage =
         bridge_voltage(duties, motor_.current(), supply_.voltage(), p_.bridge_resistance, p_.dead_share);
     motor_.advance(on ? &voltage : nullptr, electrical, electrical_speed, plant.resistance, plant.inductance, flux,
@@ -132,6 +134,7 @@ class Hardware {
   GimbalMotor motor_;
   EncoderChip chip_;
   double distance_ = spool_.out();
+  double enabled_for_ = 0.0;  // s
 };
 
 }  // namespace plant
