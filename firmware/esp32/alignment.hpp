@@ -14,7 +14,7 @@ namespace firmware {
 
 class Alignment {
  public:
-  enum class Result : uint8_t { running, done, not_moved, wrong_way, wrong_poles, wrong_current };
+  enum class Result : uint8_t { running, done, not_moved, wrong_way, wrong_poles, not_back, wrong_current };
 
   struct Motor {
     int pole_pairs;
@@ -57,6 +57,9 @@ class Alignment {
   float zero() const { return zero_; }
   // Share of the current that the resistance lets through which was measured; 1 if the shunt is as told.
   float current_share() const { return share_; }
+  // Ways of the rotor forward and back, in pole pairs: 1 each.
+  float forth() const { return forth_; }
+  float back() const { return back_; }
 
  private:
   static constexpr float kTau = 6.2831853f, kThreeQuarters = 4.7123890f;
@@ -85,11 +88,14 @@ class Alignment {
 
   Result judge(float angle) {
     const float turn = kTau / static_cast<float>(motor_.pole_pairs);
-    const float forth = far_ - begin_;
+    forth_ = (far_ - begin_) / turn;
+    back_ = (far_ - angle) / turn;
     share_ = power_ > 0.0f ? current_ / power_ : 0.0f;
-    if (magnitude(forth) < 0.2f * turn) return Result::not_moved;
-    if (forth < 0.0f) return Result::wrong_way;
-    if (magnitude(forth - turn) > 0.15f * turn) return Result::wrong_poles;
+    if (magnitude(forth_) < 0.2f) return Result::not_moved;
+    if (forth_ < 0.0f) return Result::wrong_way;
+    if (magnitude(forth_ - 1.0f) > 0.15f) return Result::wrong_poles;
+    // A pawl on its wheel, or a taut cable, stops one way only: the mean of both rests would be no zero.
+    if (magnitude(back_ - 1.0f) > 0.15f) return Result::not_back;
     if (share_ < 0.75f || share_ > 1.35f) return Result::wrong_current;
     const float rest = 0.5f * (far_ - turn + angle);
     const float turns = rest / turn;
@@ -102,7 +108,7 @@ class Alignment {
   uint32_t start_us_;
   Wanted wanted_ = {0.0f, kThreeQuarters};
   float begin_ = 0.0f, far_ = 0.0f, zero_ = 0.0f;
-  float current_ = 0.0f, power_ = 0.0f, share_ = 0.0f;
+  float current_ = 0.0f, power_ = 0.0f, share_ = 0.0f, forth_ = 0.0f, back_ = 0.0f;
 };
 
 }  // namespace firmware

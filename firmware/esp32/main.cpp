@@ -2,6 +2,7 @@
 #include <Arduino.h>
 #include <esp_system.h>
 #include <esp_task_wdt.h>
+#include <stdio.h>
 
 #include <optional>
 
@@ -103,8 +104,18 @@ class Firmware {
     if (result == Alignment::Result::running) {
       winch_.hold(alignment_->wanted());
     } else {
+      log_alignment();
       end_alignment(kFindings[static_cast<size_t>(result)], result == Alignment::Result::done);
     }
+  }
+
+  // What was measured, for the host's diagnosis, in percent of what is right.
+  void log_alignment() {
+    const auto percent = [](float share) { return static_cast<int>(100.0f * clamp(share, -9.0f, 9.0f)); };
+    char text[kMaxPayload];
+    snprintf(text, sizeof text, "align: forth %d %%, back %d %%, current %d %%", percent(alignment_->forth()),
+             percent(alignment_->back()), percent(alignment_->current_share()));
+    module_.log(text);
   }
 
   void end_alignment(const char* finding, bool success) {
@@ -122,6 +133,7 @@ class Firmware {
                                               "align: no motion; is the supply on, the spool free?",
                                               "align: wrong way round; swap two motor wires",
                                               "align: wrong number of poles, or the spool slipped",
+                                              "align: it did not come back; a pawl, a taut cable?",
                                               "align: currents do not fit; shunt R010/R006, phases?"};
 
   Module module_;
