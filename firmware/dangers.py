@@ -70,9 +70,10 @@ def compile_firmware(folder: Path) -> list[Path]:
     return compile_sources(folder, *sources)
 
 
-def link(objects: list[Path], program: Path) -> Path:
-    """Link objects into a program, and return it."""
-    subprocess.run(["c++", "-pthread", *map(str, objects), "-o", str(program)], check=True)
+def link(objects: list[Path], program: Path, main: str = "play") -> Path:
+    """Link objects into a program, and return it: that of `main`, "play" or "served"."""
+    used = [each for each in objects if each.stem not in {"play", "served"} - {main}]
+    subprocess.run(["c++", "-pthread", *map(str, used), "-o", str(program)], check=True)
     return program
 
 

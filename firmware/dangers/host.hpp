@@ -30,6 +30,8 @@ class Host {
     say(firmware::Type::calibrate, writer);
   }
 
+  void estop() { say(firmware::Type::estop, firmware::Writer(payload_)); }
+
   void arm() {
     firmware::Writer writer(payload_);
     writer.u16(session_);

@@ -79,20 +79,24 @@ void Story::boot(double seconds) {
     board.air.connected = true;
     advance(0.01);
   }
+  host_ = Host(by_bluetooth ? board.air : board.usb, 77);
+  if (set_up) set_parameters();
+  advance(0.02);
+  plant().spool().cut = false;
+  plant().take_up_slack();
+  taut_us_ = fakes::now_us();
+}
+
+void Story::set_parameters() {
   const double newton_per_ampere =
       hardware.plant.torque_constant / hardware.plant.radius / converter_slope(hardware.sensing);
   const double tau = 6.283185307179586, zero = hardware.zero + zero_error;
-  host_ = Host(by_bluetooth ? board.air : board.usb, 77);
   host_.set_parameter(Parameter::motor_direction, hardware.way * direction_error);
   host_.set_parameter(Parameter::motor_zero, zero - tau * std::floor(zero / tau));
   host_.set_parameter(Parameter::speed_limit, speed_limit);
   host_.set_parameter(Parameter::thermal_time, thermal_time);
   host_.calibrate(Calibration::newton_per_ampere, newton_per_ampere);
   host_.calibrate(Calibration::length, kLength);
-  advance(0.02);
-  plant().spool().cut = false;
-  plant().take_up_slack();
-  taut_us_ = fakes::now_us();
 }
 
 void Story::pull(double newtons, double seconds) {

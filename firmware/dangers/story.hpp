@@ -33,11 +33,14 @@ class Story {
   bool by_bluetooth = false;
   double speed_limit = 1.5;    // m/s
   double thermal_time = 20.0;  // s
+  bool set_up = true;          // a host sets the parameters, or they stay the standard ones
 
   // Boots, rests for `seconds`, and takes the settings. The cable is held taut from then on.
   void boot(double seconds = 0.4);
   // Arms, and pulls with `tension` N at rest for `seconds`.
   void pull(double tension, double seconds = 0.3);
+  // Lets time pass, with set-points if the host says any.
+  void rest(double seconds) { advance(seconds); }
   // Lets the module look for its electrical zero.
   void align();
   // What happens, happens now: from here on is measured.
@@ -63,6 +66,7 @@ class Story {
   bool accepted = true;                            // all that the host had said before
 
  private:
+  void set_parameters();
   void advance(double seconds);
   void note_turn();
 
