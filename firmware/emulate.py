@@ -66,14 +66,14 @@ def figures_of(*words: object, timeout_s: float) -> dict[str, int]:
 def build_host(options: list[str], folder: Path) -> tuple[tuple[object, ...], int]:
     """Compile for this computer; return the command to run, and the bytes of code (0: not counted)."""
     program = folder / "host"
-    run("c++", *COMMON, *STRICT, *options, EMULATION / "bench.cpp", EMULATION / "host.cpp", "-o", program)
+    run("c++", *COMMON, *STRICT, *options, EMULATION / "allocator_bench.cpp", EMULATION / "host.cpp", "-o", program)
     return (program,), 0
 
 
 def build_cortex(options: list[str], folder: Path) -> tuple[tuple[object, ...], int]:
     """Compile for a Cortex-M4F; return the command that emulates it, and the bytes of code."""
     program = folder / "cortex.elf"
-    sources = [EMULATION / "bench.cpp", EMULATION / "cortex_m4.cpp"]
+    sources = [EMULATION / "allocator_bench.cpp", EMULATION / "cortex_m4.cpp"]
     linker = ["-nostartfiles", "-Wl,--gc-sections", "-T", EMULATION / "cortex_m4.ld"]
     sections = ["-ffunction-sections", "-fdata-sections"]
     run("arm-none-eabi-g++", *COMMON, *CORTEX, *sections, *options, *sources, *linker, "-o", program)
@@ -86,7 +86,7 @@ def build_xtensa(options: list[str], folder: Path) -> tuple[tuple[object, ...], 
     headers = ["-nostdinc++", "-isystem", version, "-isystem", version / "arm-none-eabi/thumb/v6-m/nofp",
                "-isystem", NEWLIB]  # fmt: skip
     objects = []
-    for source in (EMULATION / "esp32.s", EMULATION / "bench.cpp", EMULATION / "esp32.cpp"):
+    for source in (EMULATION / "esp32.s", EMULATION / "allocator_bench.cpp", EMULATION / "esp32.cpp"):
         assembly, code = folder / f"{source.stem}{source.suffix}.s", folder / f"{source.stem}.ll"
         if source.suffix == ".s":
             text = source.read_text()
