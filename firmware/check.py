@@ -1,7 +1,8 @@
 """Checks of the firmware's core: sizes, forbidden symbols, code for the ESP32, sanitizers, fuzzing.
 
 Run it from the root of the repository: ``make firmware-check``, or ``python firmware/check.py``. A check
-whose tool is missing is left out with a message. With ``--write`` the figures go to `figures.json`.
+whose tool is missing is left out with a message. The sizes in `figures.json` are a budget: more than `MARGIN`
+beyond them is an error. With ``--write`` all figures are replaced.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 FIRMWARE = Path(__file__).parent
@@ -26,6 +27,8 @@ ALLOWED = {"memcpy", "memset"}  # what the core may ask of a library: so there i
 BARE = ["-std=c++17", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-ffreestanding"]
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 CORTEX = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+MARGIN, SLACK = 0.05, 20  # by which a figure may exceed the committed one: a share, and bytes or instructions
+SIZES = ("arm", "esp32")  # the checks whose figures are budgets
 CONTENTS = 7  # of frames of each length whose bits are flipped
 SANITIZERS = "address,undefined,float-divide-by-zero,float-cast-overflow"
 # Of a picolibc for other processors: headers only.
@@ -36,6 +39,21 @@ Figures = dict[str, object]
 
 class UnfitError(Exception):
     """The core is not fit for a module."""
+
+
+def over_budget(name: str, found: Figures) -> list[str]:
+    """Return the sizes that exceed the committed ones, each as a sentence."""
+    return exceeded(found, json.loads(FIGURES.read_text(encoding="utf-8"))[name])
+
+
+def exceeded(found: Mapping[str, object], budget: Mapping[str, object]) -> list[str]:
+    """Return the figures that exceed their budget by more than the margin, each as a sentence."""
+    return [
+        f"{name} is {number}; {allowed} were committed, and {MARGIN:.0%} more are allowed"
+        for name, allowed in budget.items()
+        if isinstance(allowed, int) and isinstance(number := found[name], int)
+        if number > (1 + MARGIN) * allowed + SLACK
+    ]
 
 
 def run(*words: object) -> str:
@@ -178,12 +196,14 @@ def main() -> int:
             continue
         with tempfile.TemporaryDirectory() as folder:
             try:
-                figures[name] = check(Path(folder))
+                found = figures[name] = check(Path(folder))
+                if name in SIZES and not options.write and (excess := over_budget(name, found)):
+                    raise UnfitError("; ".join(excess))
             except UnfitError as reason:
                 print(f"{name}: {reason}")
                 failed = True
             else:
-                print(f"{name}: " + ", ".join(f"{key} {value}" for key, value in figures[name].items()))
+                print(f"{name}: " + ", ".join(f"{key} {value}" for key, value in found.items()))
     if options.write and not failed:
         FIGURES.write_text(json.dumps(figures, indent=1) + "\n")
     return int(failed)

@@ -22,6 +22,7 @@ from tensionlab.hardware.protocol.messages import CHECKSUM_BYTES, DELIMITER, MES
 from tensionlab.hardware.simulation.simulated_module import PLANT, TRANSITIONS
 
 FOLDER = Path("firmware")
+PROCESSORS = {"cortex-m4f": "Cortex-M4F", "xtensa": "Xtensa (ESP32)"}
 # How a field's layout is written in the document.
 LETTERS = {"B": "u8", "H": "u16", "I": "u32", "Q": "u64", "f": "f32", "?": "flag", "": "text"}
 
@@ -147,6 +148,8 @@ def figures() -> str:
     """Return the table of what `firmware/check.py --write` measured."""
     measured = json.loads((FOLDER / "figures.json").read_text())
     arm, esp32, flips = (measured[name] for name in ("arm", "esp32", "flips"))
+    emulated = json.loads((FOLDER / "emulated.json").read_text())["core"]
+    stacks = ", ".join(f"{emulated[processor]['stack']} bytes on {name}" for processor, name in PROCESSORS.items())
     rows = (
         ("Core, Cortex-M4F, -Os: text", f"{arm['text_bytes']} bytes; below 16384 is required"),
         (
@@ -154,7 +157,7 @@ def figures() -> str:
             f"{arm['data_bytes'] + arm['bss_bytes']} bytes; below 2048 is required",
         ),
         ("Core: library functions", f"{', '.join(arm['asks_for'])}: no heap, nothing in double precision"),
-        ("Core: deepest stack frame", f"{arm['deepest_frame_bytes']} bytes"),
+        ("Core: stack", f"{stacks}; largest frame {arm['deepest_frame_bytes']} bytes"),
         ("Core, ESP32", f"{esp32['core_instructions']} instructions; calls {', '.join(esp32['core_calls'])}"),
         (
             "One and two bits flipped, frames of all lengths",
@@ -165,10 +168,23 @@ def figures() -> str:
     return table(("What", "Measured"), rows)
 
 
+def core() -> str:
+    """Return the table of the core's instructions that `firmware/emulate.py --write` counted."""
+    measured = json.loads((FOLDER / "emulated.json").read_text())["core"]
+    kinds = {"step": "step", "turn": "turn of the loop", "restart": "start, with stored parameters"}
+    kinds |= {message.type.name.lower(): message.type.name for kind, message in MESSAGES.items() if kind < 0x80}
+    quantiles = [(processor, share) for processor in PROCESSORS for share in ("median", "p999", "worst")]
+    rows = [
+        (label, *(f"{measured[processor][f'{kind}_{share}']:,}" for processor, share in quantiles))
+        for kind, label in kinds.items()
+    ]
+    shares = [share for name in PROCESSORS.values() for share in (f"{name}: median", "99.9 %", "worst")]
+    return table(("Instructions", *shares), rows)
+
+
 def allocator() -> str:
     """Return the table of what `firmware/emulate.py --write` measured."""
-    measured = json.loads((FOLDER / "allocator.json").read_text())
-    names = {"cortex-m4f": "Cortex-M4F", "xtensa": "Xtensa (ESP32)"}
+    measured = json.loads((FOLDER / "emulated.json").read_text())["allocator"]
     kilobytes, thousands = "{:.0f} kB".format, "{:,.0f}k".format
     rows = [
         (
@@ -179,7 +195,7 @@ def allocator() -> str:
             f"{found['stack']:,} B",
             *(thousands(found[share] / 1000) for share in ("median", "p999", "worst")),
         )
-        for processor, name in names.items()
+        for processor, name in PROCESSORS.items()
         for shape, found in measured[processor].items()
     ]
     head = ("Processor", "n · m", "flash", "object", "stack", "instructions: median", "99.9 %", "worst")
@@ -228,6 +244,7 @@ def sections() -> dict[str, dict[str, str]]:
             "shields": shields(),
             "plant": plant(),
             "figures": figures(),
+            "core": core(),
             "allocator": allocator(),
             "dangers": dangers(),
         },

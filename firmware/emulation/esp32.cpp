@@ -2,8 +2,8 @@
 // the compiler's own library has on the module, in whole numbers and rounded as IEEE says.
 //
 // Division and square root take some 250 instructions here, and some 30 on the module, whose floating point unit
-// has the first steps of both: the counts are upper bounds. An instruction takes one nanosecond of the emulated
-// clock, and the cycle counter 25 of them.
+// has the first steps of both: the counts are upper bounds. An instruction takes 32 ns of the emulated
+// clock, and a cycle 25.
 #include <cstddef>
 #include <cstdint>
 
@@ -49,7 +49,7 @@ extern "C" {
 int bench(void);
 void sim_write(const char* text, unsigned size);
 uint32_t cycle_count(void);
-extern const uint32_t platform_instructions_per_tick = 25;
+uint32_t platform_instructions(uint32_t ticks) { return ticks * 25 / 32; }
 extern unsigned char* const platform_stack_end = reinterpret_cast<unsigned char*>(0x3F0000);  // it begins at 4 MiB
 uint32_t platform_ticks(void) { return cycle_count(); }
 void platform_write(const char* text, unsigned size) { sim_write(text, size); }

@@ -1,8 +1,9 @@
 """Linker for the emulated Xtensa: relocatable objects of LLVM into one ELF file that QEMU's machine `sim` starts.
 
 No linker of Debian knows both this processor's windowed calls and its floating point unit. Sections lie from
-0x4000 on in the order of the objects, vectors at 0x1000 and the start at 0x2000. Two relocations occur: a word,
-and the offset of a call, a jump or the load of a literal.
+0x4000 on in the order of the objects, writable ones last and on pages of their own: else QEMU would look for
+changed code at every write, which takes ten times as long. Vectors lie at 0x1000 and the start at 0x2000. Two
+relocations occur: a word, and the offset of a call, a jump or the load of a literal.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from pathlib import Path
 FIRST, PLACES = 0x4000, {".text.vectors": 0x1000, ".text.start": 0x2000}
 RESET = 0xFE000000  # where the processor begins
 TO_START = bytes([0x22, 0xA0, 0x01, 0x30, 0x22, 0x11, 0xA0, 0x02, 0x00])  # movi a2, 1; slli a2, a2, 13; jx a2
-ALLOCATED, NO_BITS, SYMBOLS, RELOCATIONS = 2, 8, 2, 4  # flags and types of sections of ELF
+WRITABLE, ALLOCATED, NO_BITS, SYMBOLS, RELOCATIONS = 1, 2, 8, 2, 4  # flags and types of sections of ELF
+PAGE = 4096
 WORD, SLOT = 1, 20  # R_XTENSA_32, R_XTENSA_SLOT0_OP
 UNDEFINED, RESERVED = 0, 0xFF00
 
@@ -26,6 +28,7 @@ class Section:
     name: str
     data: bytearray
     alignment: int
+    writable: bool
     address: int = 0
 
 
@@ -55,7 +58,7 @@ def read(path: Path) -> tuple[list[Section], dict[str, Symbol], list[tuple[Secti
     for i, (name, kind, flags, _, offset, size, _, _, alignment, _) in enumerate(headers):
         if flags & ALLOCATED and size:
             data = bytearray(size) if kind == NO_BITS else bytearray(content[offset : offset + size])
-            sections[i] = Section(text(names, name), data, max(alignment, 4))
+            sections[i] = Section(text(names, name), data, max(alignment, 4), bool(flags & WRITABLE))
     for _, kind, _, _, offset, size, link, *_ in headers:
         if kind == SYMBOLS:
             for entry in struct.iter_unpack("<IIIBBH", content[offset : offset + size]):
@@ -92,7 +95,8 @@ def set_offset(section: Section, place: int, target: int) -> None:
 def link(objects: list[Path], program: Path) -> int:
     """Link objects into a program; return the bytes of its code and constants."""
     parts = [read(path) for path in objects]
-    sections = [section for part in parts for section in part[0]]
+    sections = sorted((section for part in parts for section in part[0]), key=lambda section: section.writable)
+    next(section for section in sections if section.writable).alignment = PAGE
     symbols = {name: symbol for part in parts for name, symbol in part[1].items()}
     end = FIRST
     for section in sections:

@@ -8,10 +8,11 @@ import json
 import pytest
 
 from firmware import emulate
+from firmware.emulation.processors import missing
 from tests.helpers.compiled import ROOT, STRICT, compile_program, run_program
 
 RUNNING = 2  # State::running
-on_this_computer = functools.cache(functools.partial(emulate.measure, "host"))
+on_this_computer = functools.cache(functools.partial(emulate.measure_allocator, "host"))
 each_processor = pytest.mark.parametrize("processor", ["cortex-m4f", "xtensa"])
 
 
@@ -28,11 +29,11 @@ def test_modules_pull_what_the_coordinator_chose(tmp_path):
 @pytest.mark.slow
 @each_processor
 def test_an_emulated_processor_answers_as_this_computer_does(processor):
-    if lacking := emulate.missing(processor):
+    if lacking := missing(processor):
         pytest.skip(f"not installed: {', '.join(lacking)}; firmware/emulate.py says which packages have them")
     for shape, policy, limit in (((3, 8), "force", 100), ((6, 8), "tension", 100), ((3, 4), "direction", 10)):
         here = on_this_computer(shape, 150, limit, policy)
-        there = emulate.measure(processor, shape, 150, limit, policy)
+        there = emulate.measure_allocator(processor, shape, 150, limit, policy)
         assert there["hash"] == here["hash"]
         assert there["outside"] == 0
         assert there["iterations"] <= 2 * limit + 4 * shape[0] + 4
@@ -41,7 +42,7 @@ def test_an_emulated_processor_answers_as_this_computer_does(processor):
 
 
 def test_the_committed_figures_are_of_equal_answers_inside_the_limits():
-    figures = json.loads(emulate.FIGURES.read_text(encoding="utf-8"))
+    figures = json.loads(emulate.FIGURES.read_text(encoding="utf-8"))["allocator"]
     assert figures["problems"] >= 100_000
     for shape, here in figures["host"].items():
         for processor in ("cortex-m4f", "xtensa"):
