@@ -139,7 +139,7 @@ firmware-check: .venv/dev.stamp
 dangers: .venv/dev.stamp
 	@$(BIN)/python firmware/dangers.py
 
-# The allocator on emulated processors, 10^5 problems each: some minutes. `--write` keeps the figures.
+# Core and allocator on emulated processors, 10^5 steps and problems each: some minutes. `--write` keeps the figures.
 emulate: .venv/dev.stamp
 	@$(BIN)/python firmware/emulate.py
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import functools
 import json
 
 import pytest
 
 from firmware import emulate
-from firmware.emulation.processors import missing
-from tests.helpers.compiled import ROOT, STRICT, compile_program, run_program
+from firmware.emulation.processors import PROCESSORS, missing
+from tests.helpers.compiled import ROOT, STRICT, compile_program, run_program, skip_without
 
 RUNNING = 2  # State::running
-on_this_computer = functools.cache(functools.partial(emulate.measure_allocator, "host"))
-each_processor = pytest.mark.parametrize("processor", ["cortex-m4f", "xtensa"])
 
 
 def test_modules_pull_what_the_coordinator_chose(tmp_path):
@@ -27,18 +24,20 @@ def test_modules_pull_what_the_coordinator_chose(tmp_path):
 
 
 @pytest.mark.slow
-@each_processor
-def test_an_emulated_processor_answers_as_this_computer_does(processor):
-    if lacking := missing(processor):
-        pytest.skip(f"not installed: {', '.join(lacking)}; firmware/emulate.py says which packages have them")
-    for shape, policy, limit in (((3, 8), "force", 100), ((6, 8), "tension", 100), ((3, 4), "direction", 10)):
-        here = on_this_computer(shape, 150, limit, policy)
-        there = emulate.measure_allocator(processor, shape, 150, limit, policy)
+@pytest.mark.parametrize(
+    ("shape", "policy", "limit"), [((3, 8), "force", 100), ((6, 8), "tension", 100), ((3, 4), "direction", 10)]
+)
+def test_emulated_processors_answer_as_this_computer_does(shape, policy, limit):
+    processors = [name for name in PROCESSORS if not missing(name)]
+    found = {name: emulate.measure_allocator(name, shape, 150, limit, policy) for name in processors}
+    here = found.pop("host")
+    for there in found.values():
         assert there["hash"] == here["hash"]
         assert there["outside"] == 0
         assert there["iterations"] <= 2 * limit + 4 * shape[0] + 4
         assert 0 < there["stack"] < 4096
         assert there["median"] <= there["p999"] <= there["worst"]
+    skip_without(*PROCESSORS)
 
 
 def test_the_committed_figures_are_of_equal_answers_inside_the_limits():

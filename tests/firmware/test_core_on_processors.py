@@ -7,18 +7,13 @@ import shutil
 import pytest
 
 from firmware import check, emulate
-from firmware.emulation.processors import missing
+from firmware.emulation.processors import PROCESSORS, missing
 from tensionlab.hardware.protocol.codes import BrakeState, Code, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import MESSAGES
+from tests.helpers.compiled import skip_without
 
 CORE = check.FIRMWARE / "core"
-on_this_computer = functools.cache(functools.partial(emulate.measure_core, "host"))
 FIGURES = json.loads(emulate.FIGURES.read_text(encoding="utf-8"))["core"]
-
-
-def skip_without(processor):
-    if lacking := missing(processor):
-        pytest.skip(f"not installed: {', '.join(lacking)}; firmware/emulate.py says which packages have them")
 
 
 def bits(numbers):
@@ -26,7 +21,7 @@ def bits(numbers):
 
 
 def test_the_stream_reaches_everything_that_a_module_can_say():
-    found = on_this_computer()
+    found = emulate.measure_core("host")
     assert found["wraps"] == 1
     assert found["states"] == bits(State)
     assert found["limits"] == bits(Limit)
@@ -40,13 +35,14 @@ def test_the_stream_reaches_everything_that_a_module_can_say():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processor", ["cortex-m4f", "xtensa"])
-def test_a_processor_sends_the_bytes_of_this_computer_within_the_budget(processor):
+def test_processors_send_the_bytes_of_this_computer_within_the_budget():
     """Else, if the core must take more: `python firmware/emulate.py core --write`, and `make generated`."""
-    skip_without(processor)
-    found = emulate.measure_core(processor)
-    assert found["hash"] == on_this_computer()["hash"]
-    assert emulate.over_budget(processor, found) == []
+    found = {name: emulate.measure_core(name) for name in PROCESSORS if not missing(name)}
+    here = found.pop("host")
+    for name, there in found.items():
+        assert there["hash"] == here["hash"], name
+        assert emulate.over_budget(name, there) == []
+    skip_without(*PROCESSORS)
 
 
 def changed_core(folder, name, line, change):

@@ -4,7 +4,10 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from firmware.dangers import OPTIONS as STRICT
+from firmware.emulation.processors import missing
 
 ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
@@ -25,3 +28,9 @@ def run_program(program: Path, *words: object, content: str | None = None) -> li
     command = [str(program), *map(str, words)]
     done = subprocess.run(command, input=content, check=True, capture_output=True, text=True, timeout=120)
     return [line.split() for line in done.stdout.splitlines()]
+
+
+def skip_without(*processors: str) -> None:
+    """Skip a test, or the rest of it, where the tools of an emulated processor are not installed."""
+    if lacking := [tool for processor in processors for tool in missing(processor)]:
+        pytest.skip(f"not installed: {', '.join(lacking)}; firmware/emulate.py says which packages have them")
