@@ -55,6 +55,7 @@ check: .venv/dev.stamp
 	@$(BIN)/mypy
 	@$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32 -p tensionlab
 	@$(BIN)/clang-format --dry-run --Werror $(NATIVE) playground/kernels.cpp
+	@$(BIN)/zizmor --offline --quiet --no-progress .github/workflows
 
 format: .venv/dev.stamp
 	@$(BIN)/ruff check --fix .

@@ -1,11 +1,13 @@
 """The ESP32's layer: its syntax against stubs, and what of it needs no ESP32, run."""
 
+import re
 import subprocess
+from configparser import ConfigParser
 from functools import cache, partial
 
 import pytest
 
-from tests.helpers.compiled import FIRMWARE, compile_program, run_program
+from tests.helpers.compiled import FIRMWARE, ROOT, compile_program, run_program
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +20,16 @@ def build(tmp_path_factory):
 def test_it_fits_the_libraries_as_far_as_stubs_can_tell():
     found = subprocess.run([str(FIRMWARE / "esp32" / "check.sh")], capture_output=True, text=True, check=False)
     assert (found.returncode, found.stderr) == (0, "")
+
+
+def test_the_workflow_builds_every_environment_with_the_documented_tool():
+    settings = ConfigParser(interpolation=None)
+    settings.read(FIRMWARE / "platformio.ini")
+    environments = [name.removeprefix("env:") for name in settings.sections() if name.startswith("env:")]
+    workflow = (ROOT / ".github" / "workflows" / "firmware.yml").read_text(encoding="utf-8")
+    assert f"environment: [{', '.join(environments)}]\n" in workflow
+    (tool,) = re.findall(r"pip install \"(pioarduino==[\w.]+)\"", workflow)
+    assert f"pip install {tool}\n" in (FIRMWARE / "README.md").read_text(encoding="utf-8")
 
 
 def test_two_threads_pass_bytes_through_the_queue(build):
