@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := bartels2026-validation
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python,$(PIP)) -c constraints.txt
-BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
+BUILD_TOOLS := scikit-build-core nanobind numpy hatch-fancy-pypi-readme $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 # What is fetched after the tests were installed compiles the kernels as these need them.
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*.h include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)

@@ -22,7 +22,8 @@ from tensionlab.benchmark.speed import (
     using_threads,
     without_collector,
 )
-from tensionlab.solvers.base import Status
+from tensionlab.solvers import SOLVERS, as_fused_solver, make
+from tensionlab.solvers.base import Status, refusal
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_duration, format_number
 from tensionlab.support.table import Column, Table
@@ -113,6 +114,13 @@ def time_calls(components: int, cables: int, calls: int = 5000) -> dict[str, Flo
         "daqp.solve, matrices prebuilt": daqp_solver(structure, wrench),
         'qpsolvers.solve_qp(solver="daqp")': front_page,
     }
+    for name in SOLVERS:
+        solver = make(name)
+        if as_fused_solver(solver) and not refusal(solver, components, cables) and name != "newton":
+            allocator = Allocator((lower, upper), solver)
+            callers[f'tl.Allocator(solver="{name}")'] = partial(
+                lambda call, row: call(structure[row], wrench[row]), allocator
+            )
     rng = np.random.default_rng(0)
     spent = {name: np.empty((PASSES, calls)) for name in callers}
     blocks = [range(first, min(first + BLOCK, calls)) for first in range(0, calls, BLOCK)]

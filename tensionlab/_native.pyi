@@ -1,7 +1,12 @@
 """Compiled kernels: arrays in, arrays out (`native/bindings/module.cpp`)."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from numpy import bool_, float64, int8, int64
 from numpy.typing import NDArray
+
+_Result = TypeVar("_Result")
 
 MAX_COMPONENTS: int
 MAX_CABLES: int
@@ -16,34 +21,69 @@ _Arrays = tuple[
 ]
 # Structure, weighted directions, force, desired matrices (2, d, d), ranges (6, m) and the weight of a tie.
 _Field = tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float, float]
-# Tensions and iterations.
-_Answer = tuple[NDArray[float64], NDArray[int64]]
 # Tensions, scale and status.
 _Solved = tuple[NDArray[float64], NDArray[float64], NDArray[int8]]
 
-def newton(
-    problem: _Arrays, policy: int, rank_tolerance: float, tolerance: float
-) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
+class TensionSolver:
+    """Solver with its hyper-parameters. A rule is 0 without a policy, else 1 and the number of the policy."""
+
+    def choose(
+        self, problem: _Arrays, rule: int
+    ) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64] | None, dict[int, str]]: ...
+    def allocate(
+        self, problem: _Arrays, rule: int, largest: float, tolerance: float, rank_tolerance: float
+    ) -> (
+        tuple[
+            NDArray[float64],
+            NDArray[float64],
+            NDArray[float64],
+            NDArray[int8],
+            NDArray[float64],
+            NDArray[int64],
+            NDArray[float64],
+            dict[int, str],
+        ]
+        | None
+    ): ...
+
+def newton(rank_tolerance: float, tolerance: float) -> TensionSolver: ...
+def dykstra(tolerance: float, iteration_limit: int, rank_tolerance: float) -> TensionSolver: ...
+def log_barrier() -> TensionSolver: ...
+def slack_norm(p: float, c1: float, c2: float, kappa: float, epsilon: float, gamma: float) -> TensionSolver: ...
+def box_price(mu: float, force: float, torque: float) -> TensionSolver: ...
+def closed_form(middle: bool, improved: bool, rank_tolerance: float) -> TensionSolver: ...
+def puncture(rank_tolerance: float) -> TensionSolver: ...
+def polygon(goal: int, rank_tolerance: float) -> TensionSolver: ...
+def linear_program(program: int, alpha: float, rank_tolerance: float, tolerance: float) -> TensionSolver: ...
+def prepare_call(
+    solver: TensionSolver,
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    rule: int,
+    largest: float,
+    tolerance: float,
+    rank_tolerance: float,
+    result: type[_Result],
+) -> Callable[[object, object], _Result | None]: ...
+def unprepared_call(
+    solver: TensionSolver,
+    policies: tuple[str, ...],
+    largest: float,
+    tolerance: float,
+    rank_tolerance: float,
+    result: type[_Result],
+) -> Callable[[object, object, object, object, object], _Result | None]: ...
 def allocation_jacobian(
     problem: _Arrays, solved: _Solved, policy: int, rank_tolerance: float, by_structure: bool
 ) -> tuple[NDArray[float64], NDArray[float64] | None, NDArray[bool_]]: ...
 def allocation_gradients(
     problem: _Arrays, solved: _Solved, policy: int, rank_tolerance: float, cotangent: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]: ...
-def closed_form(problem: _Arrays, improved: bool, rank_tolerance: float) -> _Answer: ...
-def dykstra(problem: _Arrays, tolerance: float, iteration_limit: int, rank_tolerance: float) -> _Answer: ...
 def tighten(
     problem: _Arrays, program: int, alpha: float, costs: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[int64], NDArray[float64]]: ...
-def polygon(
-    problem: _Arrays, goal: int, rank_tolerance: float
-) -> tuple[NDArray[float64], NDArray[int64], NDArray[int64]]: ...
-def puncture(problem: _Arrays, rank_tolerance: float) -> _Answer: ...
-def log_barrier(problem: _Arrays) -> _Answer: ...
-def slack_norm(
-    problem: _Arrays, p: float, c1: float, c2: float, kappa: float, epsilon: float, gamma: float
-) -> _Answer: ...
-def box_price(problem: _Arrays) -> _Answer: ...
 def structure_matrices(
     anchors: NDArray[float64],
     attachments: NDArray[float64] | None,
@@ -106,47 +146,6 @@ def verify(
     tolerance: float,
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[int8], NDArray[float64], bool]: ...
-def allocate(
-    problem: _Arrays, policy: int, largest: float, tolerance: float, rank_tolerance: float
-) -> (
-    tuple[
-        NDArray[float64],
-        NDArray[float64],
-        NDArray[float64],
-        NDArray[int8],
-        NDArray[float64],
-        NDArray[int64],
-        NDArray[float64],
-    ]
-    | None
-): ...
-
-class Single:
-    def __init__(
-        self,
-        lower: NDArray[float64],
-        upper: NDArray[float64],
-        reference: NDArray[float64],
-        weights: NDArray[float64],
-        policy: int,
-        largest: float,
-        tolerance: float,
-        rank_tolerance: float,
-    ) -> None: ...
-    def __call__(self, structure: object, wrench: object, numbers: NDArray[float64]) -> tuple[int, int] | None: ...
-
-def allocate_once(
-    structure: object,
-    wrench: object,
-    lower: object,
-    upper: object,
-    reference: int,
-    policy: int,
-    largest: float,
-    tolerance: float,
-    rank_tolerance: float,
-    numbers: NDArray[float64],
-) -> tuple[int, int] | None: ...
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def allocate_field(
     problem: _Field,

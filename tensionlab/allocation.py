@@ -5,7 +5,7 @@ Input is checked and broadcast, the chosen solver chooses, and its answer is ver
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,21 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import InputError, ShapeError, Unreachable
-from tensionlab.solvers import SOLVERS, as_fused_solver, make
+from tensionlab.solvers import SOLVERS, Newton, as_fused_solver, make
 from tensionlab.solvers.base import (
     POLICIES,
     RANK_TOLERANCE,
     TOLERANCE,
     Policy,
     Problem,
-    SingleSolver,
     Solver,
     Status,
     Verified,
     refusal,
     resolve_policy,
 )
-from tensionlab.solvers.least_squares import newton_once
 from tensionlab.support import provenance
 from tensionlab.support.arrays import (
     Floats,
@@ -263,6 +261,15 @@ class Allocation:
         )
 
 
+# Allocates for one structure matrix and wrench; None where these are not of the plainest kind.
+_Single = Callable[[object, object], Allocation | None]
+
+
+def _leave(structure: object, wrench: object) -> Allocation | None:
+    """Leave a problem to the way that batches go."""
+    return None
+
+
 @dataclass(frozen=True)
 class _Prepared:
     """Constant part of all problems of one size, m cables and n wrench components."""
@@ -271,7 +278,7 @@ class _Prepared:
     upper: Floats
     reference: Floats
     weights: Floats
-    single: SingleSolver | None
+    single: _Single
 
 
 def resolve_solver(solver: str | Solver, policy: Policy | None) -> tuple[Solver, Policy | None]:
@@ -317,7 +324,8 @@ class Allocator:
         self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)
         self.weights = _weights(wrench_weights)
-        self._prepared: dict[tuple[int, ...], _Prepared] = {}
+        self._prepared: dict[tuple[int, int], _Prepared] = {}
+        self._single: _Single = _leave  # for problems of the last one's size
 
     def __repr__(self) -> str:
         policy = f", nearest in {self.policy}" if self.policy else ""
@@ -337,9 +345,14 @@ class Allocator:
 
     def __call__(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
         """Choose tensions for these structure matrices (..., n, m) and wrenches (..., n)."""
+        allocation = self._single(structure, wrench)
+        return self._solve(structure, wrench) if allocation is None else allocation
+
+    def _solve(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
+        """Solve a batch, or a problem of another size than the last one."""
         if type(structure) is np.ndarray and type(wrench) is np.ndarray and structure.ndim == 2:
-            single = (self._prepared.get(structure.shape) or self._prepare(*structure.shape)).single
-            allocation = None if single is None else _solve_single(single, structure, wrench)
+            self._single = single = (self._prepared.get(structure.shape) or self._prepare(*structure.shape)).single
+            allocation = single(structure, wrench)
             if allocation is not None:
                 return allocation
         matrices, vectors = as_numeric("structure", structure, 2), as_numeric("wrench", wrench, 1)
@@ -390,9 +403,9 @@ class Allocator:
         upper = broadcast_last_axis("upper", self.upper, m, "cables")
         reference = broadcast_last_axis("reference", self.reference, m, "cables")
         weights = broadcast_last_axis("wrench_weights", self.weights, n, "rows")
-        single = None
+        single: _Single = _leave
         if self._fused and lower.ndim == upper.ndim == reference.ndim == 1:
-            single = self._fused.prepare(lower, upper, reference, weights, self.policy)
+            single = self._fused.prepare(lower, upper, reference, weights, self.policy, Allocation)
         # Threads may share an allocator: what one has prepared is never changed, only found or not.
         prepared = self._prepared[n, m] = _Prepared(lower, upper, reference, weights, single)
         return prepared
@@ -454,41 +467,14 @@ def allocate(
     array([1.   , 0.244])
     """
     if isinstance(solver, str) and solver == "newton" and wrench_weights is None:
-        allocation = _allocate_single(structure, wrench, limits, reference, policy)
+        allocation = _allocate_plain(structure, wrench, limits, reference, policy)
         if allocation is not None:
             return allocation
     return Allocator(limits, solver, reference, policy, wrench_weights)(structure, wrench)
 
 
-def _allocate_single(structure: Any, wrench: Any, limits: Any, reference: Any, policy: Any) -> Allocation | None:
-    """Solve one problem with the exact solver, without an `Allocator`, whose checks take longer than solving."""
-    lower, upper = getattr(limits, "lower", None), getattr(limits, "upper", None)
-    if isinstance(limits, tuple) and len(limits) == 2:
-        lower, upper = limits
-    if not (type(structure) is type(wrench) is type(lower) is type(upper) is np.ndarray and structure.ndim == 2):
-        return None
-    if not all(option is None or isinstance(option, str) for option in (reference, policy)):
-        return None
-    single = newton_once(lower, upper, reference, policy)
-    return None if single is None else _solve_single(single, structure, wrench)
-
-
-# NumPy's scalars, which take longer to make than a field to fill.
-_STATUSES: tuple[Any, ...] = tuple(np.int8(status) for status in sorted(Status))
-_COUNTS: tuple[Any, ...] = tuple(np.int64(count) for count in range(64))
-
-
-def _solve_single(solve: SingleSolver, structure: Floats, wrench: Floats) -> Allocation | None:
-    """Solve one problem with a matrix; None if the arguments are not two plain arrays of the right shapes."""
-    n, m = structure.shape
-    numbers = np.empty(m + 2 * n + 2)
-    result = solve(structure, wrench, numbers)
-    if result is None:
-        return None
-    status, count = result
-    iterations = _COUNTS[count] if count < len(_COUNTS) else np.asarray(count)[()]
-    tensions, rendered, separation = numbers[:m], numbers[m : m + n], numbers[m + n : -2]
-    return Allocation(tensions, rendered, numbers[-2], _STATUSES[status], numbers[-1], iterations, separation)
+# Without an `Allocator`, whose checks take longer than to solve one problem.
+_allocate_plain = Newton().unprepared(Allocation)
 
 
 def _shaped(verified: Verified, shape: tuple[int, ...]) -> Allocation:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Problem, Status, Verified
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, Answer, Problem, Status, Verified
+from tensionlab.solvers.compiled import rule_of
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.support.arrays import Floats
 
@@ -61,5 +62,5 @@ def _certify(
     problem: Problem, tensions: Floats, separation: Floats
 ) -> tuple[Floats, Floats, NDArray[np.int8], Floats, bool]:
     """Clip tensions in place, verify them, and store the proof in ``separation`` (`certificates.cpp`)."""
-    rule = 0 if problem.policy is None else 1 + POLICIES.index(problem.policy)
+    rule = rule_of(problem.policy)
     return _native.verify(problem.arrays, tensions, separation, rule, TOLERANCE, RANK_TOLERANCE)

@@ -97,6 +97,7 @@ NATIVE = {
     "solvers/linear_program.py",
     "solvers/least_squares.py",
     "solvers/closed_form.py",
+    "solvers/compiled.py",
     "solvers/penalty.py",
     "support/arrays.py",
     "gradients.py",

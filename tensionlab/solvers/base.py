@@ -145,8 +145,7 @@ class Verified(NamedTuple):
 class Solver(Protocol):
     """Interface of a solver: it chooses tensions for a batch of problems.
 
-    A solver that does not support every size also has a method ``refuses(n, m)``, which `refusal` calls. A
-    built-in one whose kernel also verifies its answers in the same pass is a `FusedSolver`.
+    A solver that does not support every size also has a method ``refuses(n, m)``, which `refusal` calls.
 
     Examples
     --------
@@ -165,24 +164,6 @@ class Solver(Protocol):
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-
-
-# Takes the structure matrix and the wrench of one problem, and writes tensions (m), wrench (n), separation (n),
-# residual and scale into the third argument. Returns status and iterations, or None where the arguments are not
-# two float64 arrays of the right shapes and finite.
-SingleSolver = Callable[[object, object, Floats], tuple[int, int] | None]
-
-
-class FusedSolver(Solver, Protocol):
-    """Built-in solver that solves and verifies in one pass (`tensionlab.solvers.as_fused_solver`)."""
-
-    def solve_verified(self, problem: Problem) -> Verified | None:
-        """Choose and verify tensions; None if an entry of a structure matrix or a wrench is not finite."""
-
-    def prepare(
-        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, policy: Policy | None
-    ) -> SingleSolver:
-        """Return the same for single problems that have these limits, (m,), reference, weights and policy."""
 
 
 def resolve_policy(solver: Solver, policy: str | None, name: str) -> Policy | None:

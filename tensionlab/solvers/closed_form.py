@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
-
-import numpy as np
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import RANK_TOLERANCE, Answer, Policy, Problem
+from tensionlab.solvers.base import RANK_TOLERANCE
+from tensionlab.solvers.compiled import CompiledSolver
 
 Start = Literal["reference", "middle"]
 
 
 @dataclass(frozen=True)
-class Pseudoinverse:
+class Pseudoinverse(CompiledSolver):
     """Least change from a starting point that renders the wrench, limits aside, then clipped to them.
 
     Minimises ``|t - t_s|²`` subject to ``W t = w`` only, by ``t = t_s + W⁺ (w - W t_s)``, and then clips t to the
@@ -42,8 +41,6 @@ class Pseudoinverse:
 
     start: Start = "reference"
 
-    policies: ClassVar[tuple[Policy, ...]] = ()
-
     def __post_init__(self) -> None:
         if self.start not in get_args(Start):
             raise InputError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
@@ -54,14 +51,12 @@ class Pseudoinverse:
         start = "reference" if self.start == "reference" else "middle of the limits"
         return f"least squared change from the {start}, then clipped"
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        start = _from_middle(problem) if self.start == "middle" else problem
-        return Answer(*_native.closed_form(start.arrays, False, RANK_TOLERANCE))
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.closed_form(self.start == "middle", False, RANK_TOLERANCE)
 
 
 @dataclass(frozen=True)
-class ImprovedClosedForm:
+class ImprovedClosedForm(CompiledSolver):
     """Pott's improved closed form: close to the middle of the limits, in a bounded number of steps.
 
     Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While cables violate their limits, the one that does by
@@ -74,15 +69,13 @@ class ImprovedClosedForm:
     """
 
     objective: ClassVar[str] = "close to the middle of the limits, the worst cable fixed first"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return Answer(*_native.closed_form(_from_middle(problem).arrays, True, RANK_TOLERANCE))
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.closed_form(True, True, RANK_TOLERANCE)
 
 
 @dataclass(frozen=True)
-class Puncture:
+class Puncture(CompiledSolver):
     """Puncture method: low tensions between the least-norm solution and the closed form.
 
     Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which has negative
@@ -99,16 +92,9 @@ class Puncture:
     """
 
     objective: ClassVar[str] = "least share of the way from the least norm to the middle of the limits"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return Answer(*_native.puncture(problem.arrays, RANK_TOLERANCE))
-
-
-def _from_middle(problem: Problem) -> Problem:
-    """Return the problem with the middle of the limits as its reference."""
-    return replace(problem, reference=(problem.lower + problem.upper) / 2)
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.puncture(RANK_TOLERANCE)
 
 
 PolygonGoal = Literal["centroid", "1-norm", "2-norm"]
@@ -123,7 +109,7 @@ MAX_REDUNDANCY = 2  # dimensions of a polygon
 
 
 @dataclass(frozen=True)
-class Polygon:
+class Polygon(CompiledSolver):
     """Point of the polygon of all feasible tensions: its centroid, its least sum, or its least squares.
 
     With two cables more than the wrench has components, the tensions that render it are the plane
@@ -160,8 +146,6 @@ class Polygon:
 
     goal: PolygonGoal = "centroid"
 
-    policies: ClassVar[tuple[Policy, ...]] = ()
-
     def __post_init__(self) -> None:
         if self.goal not in get_args(PolygonGoal):
             raise InputError(f"Polygon(goal={self.goal!r}): must be one of {', '.join(get_args(PolygonGoal))}")
@@ -180,15 +164,5 @@ class Polygon:
             f"{MAX_REDUNDANCY} dimensions"
         )
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        goal = get_args(PolygonGoal).index(self.goal)
-        tensions, iterations, redundancy = _native.polygon(problem.arrays, goal, RANK_TOLERANCE)
-        beyond = np.flatnonzero(redundancy > MAX_REDUNDANCY)
-        tensions[beyond] = np.nan
-        failures = {
-            int(row): f"the structure matrix has a rank so low that the redundancy is {redundancy[row]}; "
-            f"a polygon has {MAX_REDUNDANCY} dimensions"
-            for row in beyond
-        }
-        return Answer(tensions=tensions, iterations=iterations, failures=failures)
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.polygon(get_args(PolygonGoal).index(self.goal), RANK_TOLERANCE)

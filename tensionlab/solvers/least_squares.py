@@ -7,21 +7,12 @@ from typing import ClassVar
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import (
-    POLICIES,
-    RANK_TOLERANCE,
-    TOLERANCE,
-    Answer,
-    Policy,
-    Problem,
-    SingleSolver,
-    Verified,
-)
-from tensionlab.support.arrays import MAX_MAGNITUDE, Floats
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, Policy
+from tensionlab.solvers.compiled import CompiledSolver
 
 
 @dataclass(frozen=True)
-class Newton:
+class Newton(CompiledSolver):
     """Exact solver: tensions within limits that render the wrench, closest to the reference.
 
     Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with one
@@ -49,45 +40,12 @@ class Newton:
     objective: ClassVar[str] = "least squared change from the reference"
     policies: ClassVar[tuple[Policy, ...]] = ("force", "tension", "direction")
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        policy = POLICIES.index(problem.policy or "force")
-        return Answer(*_native.newton(problem.arrays, policy, RANK_TOLERANCE, TOLERANCE))
-
-    def solve_verified(self, problem: Problem) -> Verified | None:
-        """Choose and verify tensions in one pass over the batch (native/bindings/allocate.cpp)."""
-        policy = POLICIES.index(problem.policy or "force")
-        found = _native.allocate(problem.arrays, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
-        return None if found is None else Verified(*found, {})
-
-    def prepare(
-        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, policy: Policy | None
-    ) -> _native.Single:
-        """Return what solves and verifies one problem with these limits, reference, weights and policy."""
-        index = POLICIES.index(policy or "force")
-        return _native.Single(lower, upper, reference, weights, index, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
-
-
-def newton_once(lower: object, upper: object, reference: str | None, policy: str | None) -> SingleSolver | None:
-    """Return what solves one problem exactly, without preparing `Newton`; None if reference or policy is unknown.
-
-    Its answer is None too where the limits are not vectors of finite numbers that do not cross.
-    """
-    try:
-        options = (None, "lower", "middle").index(reference), POLICIES.index("force" if policy is None else policy)
-    except ValueError:
-        return None
-
-    def solve(structure: object, wrench: object, numbers: Floats) -> tuple[int, int] | None:
-        return _native.allocate_once(
-            structure, wrench, lower, upper, *options, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE, numbers
-        )
-
-    return solve
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.newton(RANK_TOLERANCE, TOLERANCE)
 
 
 @dataclass(frozen=True)
-class Dykstra:
+class Dykstra(CompiledSolver):
     """Alternating projections: tensions that render the wrench, closest to the reference.
 
     Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Projects in turn onto the equilibrium
@@ -131,6 +89,5 @@ class Dykstra:
         if not self.tolerance >= 0 or self.iteration_limit < 1:
             raise InputError(f"{self}: tolerance must not be negative, and iteration_limit at least 1")
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return Answer(*_native.dykstra(problem.arrays, self.tolerance, self.iteration_limit, RANK_TOLERANCE))
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.dykstra(self.tolerance, self.iteration_limit, RANK_TOLERANCE)

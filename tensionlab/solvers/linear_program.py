@@ -11,22 +11,19 @@ corner, and jumps.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
-
-import numpy as np
+from dataclasses import dataclass
+from typing import ClassVar
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import Answer, Policy, Problem
-from tensionlab.solvers.least_squares import Newton
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
+from tensionlab.solvers.compiled import CompiledSolver
 
-Program = Literal["sum", "largest", "margin"]
-PROGRAMS: tuple[Program, ...] = ("sum", "largest", "margin")
+PROGRAMS = ("sum", "largest", "margin")
 
 
 @dataclass(frozen=True)
-class LeastSum:
+class LeastSum(CompiledSolver):
     """Tensions with the least sum.
 
     Minimises ``sum(t)`` subject to ``W t = w`` and the limits. Of equally good tensions it takes those closest to
@@ -39,15 +36,13 @@ class LeastSum:
     """
 
     objective: ClassVar[str] = "least sum of tensions"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return _break_ties(problem, "sum")
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.linear_program(PROGRAMS.index("sum"), 1.0, RANK_TOLERANCE, TOLERANCE)
 
 
 @dataclass(frozen=True)
-class Minimax:
+class Minimax(CompiledSolver):
     """Tensions whose maximum is least.
 
     Minimises ``max(t)`` subject to ``W t = w`` and the limits, as the linear program of the least τ with
@@ -60,15 +55,13 @@ class Minimax:
     """
 
     objective: ClassVar[str] = "least largest tension"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return _break_ties(problem, "largest")
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.linear_program(PROGRAMS.index("largest"), 1.0, RANK_TOLERANCE, TOLERANCE)
 
 
 @dataclass(frozen=True)
-class OptimallySafe:
+class OptimallySafe(CompiledSolver):
     """Tensions with the largest margin to the limits (max-margin).
 
     Maximises S subject to ``W t = w`` and ``lower + S <= t <= upper - alpha S``. Cables with equal limits do not
@@ -96,20 +89,10 @@ class OptimallySafe:
     alpha: float = 1.0
 
     objective: ClassVar[str] = "largest margin to the limits"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.alpha < math.inf:
             raise InputError(f"OptimallySafe(alpha={self.alpha}): must be a number, 0 or more")
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return _break_ties(problem, "margin", self.alpha)
-
-
-def _break_ties(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
-    """Return, of the tensions that are best for the program, those closest to the reference."""
-    costs = np.broadcast_to(np.ones(problem.lower.shape[1]), problem.lower.shape)
-    lower, upper, steps, _ = _native.tighten(problem.arrays, PROGRAMS.index(program), alpha, costs)
-    closest = Newton().solve(replace(problem, lower=lower, upper=upper))
-    return Answer(tensions=closest.tensions, iterations=steps + closest.iterations)
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.linear_program(PROGRAMS.index("margin"), self.alpha, RANK_TOLERANCE, TOLERANCE)

@@ -9,11 +9,11 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import Answer, Policy, Problem
+from tensionlab.solvers.compiled import CompiledSolver
 
 
 @dataclass(frozen=True)
-class AnalyticCentre:
+class AnalyticCentre(CompiledSolver):
     """Analytic centre: tensions clear of all limits, with the largest product of distances to them.
 
     Maximises ``sum ln(t - lower) + sum ln(upper - t)`` subject to ``W t = w``. There is one answer for every
@@ -46,15 +46,13 @@ class AnalyticCentre:
     """
 
     objective: ClassVar[str] = "largest product of distances to the limits"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return Answer(*_native.log_barrier(problem.arrays))
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.log_barrier()
 
 
 @dataclass(frozen=True)
-class SlackNorm:
+class SlackNorm(CompiledSolver):
     """P-norm with slack: tensions close to the reference and clear of their limits, with penalised wrench error.
 
     Minimises ``sum |(t - t0)/h|^p - c1 sum ln((t - lower)/h) - c2 sum ln((upper - t)/h) + kappa sum(
@@ -110,7 +108,6 @@ class SlackNorm:
     objective: ClassVar[str] = (
         "least p-norm of the change from the reference, with log barriers and penalised slack"
     )
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -120,13 +117,12 @@ class SlackNorm:
                 wanted = "2 or more" if field.name == "p" else "positive"
                 raise InputError(f"SlackNorm({field.name}={value}): must be finite and {wanted}")
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        return Answer(*_native.slack_norm(problem.arrays, *astuple(self)))
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.slack_norm(*astuple(self))
 
 
 @dataclass(frozen=True)
-class Spidar:
+class Spidar(CompiledSolver):
     """SPIDAR's program: least wrench error plus a little squared change of tension, within limits.
 
     Minimises ``force |f - F t|² + torque |q - M t|² + mu |t - reference|²`` on the limits, exactly: f and F are
@@ -168,7 +164,6 @@ class Spidar:
     torque: float = 0.3
 
     objective: ClassVar[str] = "least squared wrench error plus mu times the squared change from the reference"
-    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -176,8 +171,5 @@ class Spidar:
             if not 0.0 < value < np.inf:
                 raise InputError(f"Spidar({field.name}={value}): must be positive and finite")
 
-    def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch."""
-        rows = np.arange(len(problem.weights))
-        prices = np.where(rows < 3, self.force, self.torque) * problem.weights
-        return Answer(*_native.box_price((*problem.arrays[:5], np.sqrt(prices / self.mu))))
+    def _compiled(self) -> _native.TensionSolver:
+        return _native.box_price(self.mu, self.force, self.torque)

@@ -13,8 +13,9 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
-from tensionlab.solvers.base import POLICIES, FusedSolver, Policy, Solver, refusal, resolve_policy
+from tensionlab.solvers.base import POLICIES, Policy, Solver, refusal, resolve_policy
 from tensionlab.solvers.closed_form import ImprovedClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture, Start
+from tensionlab.solvers.compiled import CompiledSolver
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
@@ -95,13 +96,12 @@ def title_of(solver: Solver) -> str:
     return f"{name}({', '.join(changed)})" if changed else name
 
 
-def as_fused_solver(solver: Solver) -> FusedSolver | None:
+def as_fused_solver(solver: Solver) -> CompiledSolver | None:
     """Return a solver that also verifies its answers, in one pass; None where `tensionlab.verification` has to.
 
     Only built-in solvers may: the statuses of others are never believed.
     """
-    built_in = type(solver) in SOLVERS.values() and hasattr(solver, "solve_verified")
-    return cast(FusedSolver, solver) if built_in else None
+    return solver if type(solver) in SOLVERS.values() and isinstance(solver, CompiledSolver) else None
 
 
 # Selection

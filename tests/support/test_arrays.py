@@ -12,6 +12,7 @@ import pytest
 import tensionlab as tl
 from tensionlab import _native
 from tensionlab.model import pose
+from tensionlab.solvers import SOLVERS, as_fused_solver, make
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
 from tensionlab.support.arrays import (
     MAX_MAGNITUDE,
@@ -132,12 +133,9 @@ def test_misaligned_arrays_are_taken() -> None:
 
 
 @pytest.mark.parametrize("wrong", ["wrench", "lower", "upper", "reference", "weights"])
-@pytest.mark.parametrize(
-    "function", ["newton", "allocate", "verify", "dykstra", "polygon", "puncture", "slack_norm"]
-)
 @pytest.mark.parametrize(("change", "said"), [(shortened, "fit"), (misaligned, "must be aligned")])
 def test_bindings_read_nothing_beyond_an_array_or_misaligned(
-    function: str, wrong: str, change: Callable[[Floats], Floats], said: str
+    wrong: str, change: Callable[[Floats], Floats], said: str
 ) -> None:
     arrays = {
         "structure": np.ones((2, 2, 3)),
@@ -148,26 +146,30 @@ def test_bindings_read_nothing_beyond_an_array_or_misaligned(
         "weights": np.ones(2),
     }
     arrays[wrong] = change(arrays[wrong])
-    rest: dict[str, list[Any]] = {
-        "newton": [0, RANK_TOLERANCE, TOLERANCE],
-        "allocate": [0, 1e100, TOLERANCE, RANK_TOLERANCE],
-        "verify": [np.ones((2, 3)), np.ones((2, 2)), 1, TOLERANCE, RANK_TOLERANCE],
-        "dykstra": [1e-6, 10, RANK_TOLERANCE],
-        "polygon": [0, RANK_TOLERANCE],
-        "puncture": [RANK_TOLERANCE],
-        "slack_norm": [2.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+    newton = _native.newton(RANK_TOLERANCE, TOLERANCE)
+    calls: dict[str, Callable[..., object]] = {
+        "allocate": lambda given: newton.allocate(given, 1, 1e100, TOLERANCE, RANK_TOLERANCE),
+        "verify": lambda given: _native.verify(
+            given, np.ones((2, 3)), np.ones((2, 2)), 1, TOLERANCE, RANK_TOLERANCE
+        ),
     }
-    with pytest.raises(ValueError, match=said):
-        getattr(_native, function)(tuple(arrays.values()), *rest[function])
+    for solver in map(make, SOLVERS):
+        if compiled := as_fused_solver(solver):
+            chosen = compiled._compiled()
+            calls[type(solver).__name__] = lambda given, chosen=chosen: chosen.choose(given, 0)
+    for call in calls.values():
+        with pytest.raises(ValueError, match=said):
+            call(tuple(arrays.values()))
 
 
 def test_a_prepared_solver_wants_as_many_limits_of_each_kind() -> None:
     three, two = np.ones(3), np.ones(2)
+    newton, numbers = _native.newton(RANK_TOLERANCE, TOLERANCE), (1e100, TOLERANCE, RANK_TOLERANCE)
     for limits in ((three, two, three), (two, three, three), (three, three, two)):
         with pytest.raises(ValueError, match="length"):
-            _native.Single(*limits, two, 0, 1e100, TOLERANCE, RANK_TOLERANCE)
-    with pytest.raises(ValueError, match="policy"):
-        _native.Single(three, three, three, two, 3, 1e100, TOLERANCE, RANK_TOLERANCE)
+            _native.prepare_call(newton, *limits, two, 1, *numbers, tl.Allocation)
+    with pytest.raises(ValueError, match="rule"):
+        _native.prepare_call(newton, three, three, three, two, 4, *numbers, tl.Allocation)
 
 
 def test_leading_axes_broadcast_to_their_common_axes() -> None:

@@ -70,6 +70,7 @@ Enum to_enum(int code, Enum last, const char* otherwise) {
   return static_cast<Enum>(code);
 }
 inline Policy to_policy(int code) { return to_enum(code, Policy::direction, "no such policy"); }
+inline Rule to_rule(int code) { return to_enum(code, Rule::direction, "no such rule"); }
 
 // Whether an array has these lengths.
 template <class Array, class... Lengths>

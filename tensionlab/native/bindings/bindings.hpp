@@ -27,6 +27,7 @@ void bind_control_loop(nanobind::module_&);
 void bind_endpoints(nanobind::module_&);
 void bind_firmware(nanobind::module_&);
 void bind_jacobian(nanobind::module_&);
+void bind_single_calls(nanobind::module_&);
 void bind_solvers(nanobind::module_&);
 void bind_workspace(nanobind::module_&);
 

@@ -28,6 +28,7 @@ NB_MODULE(_native, module) {
   bind_endpoints(module);
   bind_firmware(module);
   bind_jacobian(module);
+  bind_single_calls(module);
   bind_solvers(module);
   bind_workspace(module);
 }

@@ -48,7 +48,7 @@ extern "C" int tensionlab_allocate(int n, int m, const double* structure, const 
   const SweepAnswer answer{tensions, result->separation, result->wrench, &result->residual, &result->scale,
                            &status,  &iterations};
   const Batch batch{1, n, m, {structure, 0}, {wrench, 0}, {lower, 0}, {upper, 0}, {reference, 0}, weights};
-  BlockSolver<1>(batch, {static_cast<Policy>(policy), kLargest, kTolerance, kRankTolerance}, answer, flawed)
+  BlockSolver<1>(batch, {static_cast<Rule>(1 + policy), kLargest, kTolerance, kRankTolerance}, answer, flawed)
       .solve(0, 1);
   result->iterations = static_cast<int>(iterations);
   return status;

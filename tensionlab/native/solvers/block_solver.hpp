@@ -13,23 +13,35 @@
 
 namespace tensionlab {
 
-struct ExactSettings {
-  Policy policy;
+// Numbers not below `largest` in magnitude are refused; tolerance: the error of an exact answer.
+struct AllocationSettings {
+  Rule rule;
   double largest, tolerance, rank_tolerance;
 
-  VerificationSettings verification() const {
-    return {policy == Policy::force     ? Rule::force
-            : policy == Policy::tension ? Rule::tension
-                                        : Rule::direction,
-            tolerance, rank_tolerance};
+  VerificationSettings verification() const { return {rule, tolerance, rank_tolerance}; }
+  // The policy to solve for; that of the nearest force where the rule is none.
+  Policy policy() const {
+    return rule == Rule::none ? Policy::force : static_cast<Policy>(static_cast<int>(rule) - 1);
   }
 };
+
+// Whether all entries of structure matrices and wrenches are below the limit in magnitude.
+inline bool all_within(const Batch& batch, const Selection& rows, double limit) {
+  const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
+  const auto inside = [&](double number) { return std::abs(number) < limit; };
+  for (std::size_t j = 0; j < rows.count; ++j) {
+    const double *structure = batch.structure[rows[j]], *wrench = batch.wrench[rows[j]];
+    if (!std::all_of(structure, structure + n * m, inside) || !std::all_of(wrench, wrench + n, inside))
+      return false;
+  }
+  return true;
+}
 
 // Solves and verifies blocks of rows: a sweep, and Newton steps for those that it leaves. One for each thread.
 template <std::size_t kBlock = 512>
 class BlockSolver {
  public:
-  BlockSolver(const Batch& batch, const ExactSettings& settings, const SweepAnswer& answer,
+  BlockSolver(const Batch& batch, const AllocationSettings& settings, const SweepAnswer& answer,
               std::atomic<bool>& flawed)
       : batch_(batch), settings_(settings), answer_(answer), flawed_(flawed) {}
 
@@ -46,9 +58,9 @@ class BlockSolver {
     std::copy_n(unsolved_, remainder.unsolved_count, rows_ + remainder.separated_count);
     const Selection rest{0, remainder.separated_count + remainder.unsolved_count, rows_};
     if (rest.count == 0) return true;
-    if (remainder.invalid && !all_within(rest)) return false;
+    if (remainder.invalid && !all_within(batch_, rest, settings_.largest)) return false;
     for (std::size_t j = 0; j < rest.count; ++j) answer_.status[rows_[j]] = kUnverified;
-    newton_for_this_processor()(batch_, settings_.policy, settings_.rank_tolerance, settings_.tolerance, rest,
+    newton_for_this_processor()(batch_, settings_.policy(), settings_.rank_tolerance, settings_.tolerance, rest,
                                 remainder.separated_count,
                                 {answer_.tensions, answer_.separation, answer_.iterations, answer_.status,
                                  answer_.rendered, answer_.residual, answer_.scale});
@@ -62,22 +74,10 @@ class BlockSolver {
   }
 
  private:
-  // Whether all entries of structure matrices and wrenches are below the limit in magnitude.
-  bool all_within(const Selection& rows) const {
-    const auto n = static_cast<std::size_t>(batch_.n), m = static_cast<std::size_t>(batch_.m);
-    const auto inside = [&](double number) { return std::abs(number) < settings_.largest; };
-    for (std::size_t j = 0; j < rows.count; ++j) {
-      const double *structure = batch_.structure[rows[j]], *wrench = batch_.wrench[rows[j]];
-      if (!std::all_of(structure, structure + n * m, inside) || !std::all_of(wrench, wrench + n, inside))
-        return false;
-    }
-    return true;
-  }
-
   static constexpr std::int8_t kUnverified = -1;
 
   const Batch& batch_;
-  const ExactSettings& settings_;
+  const AllocationSettings& settings_;
   const SweepAnswer& answer_;
   std::atomic<bool>& flawed_;
   std::size_t rows_[kBlock], unsolved_[kBlock];
