@@ -24,17 +24,12 @@ def command(*words: object) -> list[str]:
 def process(*words: object) -> Iterator[subprocess.Popen[str]]:
     """Run a verb of ``tensionlab`` in another process; kill it at the end if it still runs."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    running = subprocess.Popen(
-        command(*words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    )
-    try:
-        yield running
-    finally:
-        running.kill()
-        running.wait()
-        for stream in (running.stdout, running.stderr):
-            if stream is not None:
-                stream.close()
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command(*words), stdout=pipe, stderr=pipe, text=True, env=environment) as running:
+        try:
+            yield running
+        finally:
+            running.kill()
 
 
 @contextmanager

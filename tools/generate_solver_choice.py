@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from tensionlab.benchmark.results import Results
 from tensionlab.solvers import make
 from tensionlab.support.formatting import format_duration, format_share
 from tensionlab.support.table import Column, Table
 
-
-class Choice(NamedTuple):
-    """Need of a user, and the solver for it."""
-
-    need: str
-    solver: str
-
-
+# Needs of a user, and the solver for each.
 CHOICES = (
-    Choice("the least tension, with proofs, and never slow", "newton"),
-    Choice("the algorithm of the publication", "dykstra"),
-    Choice("tensions away from all limits, smooth", "analytic-centre"),
-    Choice("the largest margin to all limits", "safe"),
-    Choice("the centroid, for redundancy up to two", "polygon:centroid"),
-    Choice("the smallest maximum tension", "minimax"),
-    Choice("the least sum of tensions", "least-sum"),
-    Choice("a fixed number of steps, no search", "closed-form"),
-    Choice("rounded kinks, a gradual edge", "slack"),
-    Choice("a small error for less tension", "spidar"),
+    ("the least tension, with proofs, and never slow", "newton"),
+    ("the algorithm of the publication", "dykstra"),
+    ("tensions away from all limits, smooth", "analytic-centre"),
+    ("the largest margin to all limits", "safe"),
+    ("the centroid, for redundancy up to two", "polygon:centroid"),
+    ("the smallest maximum tension", "minimax"),
+    ("the least sum of tensions", "least-sum"),
+    ("a fixed number of steps, no search", "closed-form"),
+    ("rounded kinks, a gradual edge", "slack"),
+    ("a small error for less tension", "spidar"),
 )
 COLUMNS = {
     "solved_1e6": Column("renders", format=format_share),

@@ -25,9 +25,8 @@ def main() -> None:
         "polar": polar.round(9),
         "azimuth": np.mod(azimuth.round(9), 360.0),
     }
-    provenance.write_parquet(
-        path, columns, provenance.manifest(["python", "-m", "tools.generate_vectors", *sys.argv[1:]])
-    )
+    words = ["python", "-m", "tools.generate_vectors", *sys.argv[1:]]
+    provenance.write_parquet(path, columns, provenance.manifest(words))
     print(f"vectors: {path}")
 
 

@@ -95,7 +95,7 @@ class ScenarioDemand:
             rig.limits,
             np.where(state.active, self._strengths, 0.0),
             self._contact,
-            target.delayed_timing(self.renderer.delay),
+            replace(target.timing, latency=target.timing.latency + self.renderer.delay),
             target.cap,
         )
         self._contact = decision.contact

@@ -66,10 +66,6 @@ class BrakeTarget:
         inward = -normalized(position) if position.any() else np.eye(position.size)[0]
         return BrakeWall(inward, self.reach - float(norm(position)), self.force)
 
-    def delayed_timing(self, delay: float) -> Timing:
-        """Return the brakes' timing over a loop with a delay in s."""
-        return replace(self.timing, latency=self.timing.latency + delay)
-
 
 @checked_dataclass(ScenarioError)
 class Phase:

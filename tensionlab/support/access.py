@@ -35,9 +35,6 @@ def loaded_by_other_page(header: Header) -> bool:
 def knows_token(target: str, header: Header, token: str) -> bool:
     """Tell whether a request has the token, in its query (``?token=``) or as ``Authorization: Bearer``."""
     bearer = "".join(header("Authorization")).removeprefix("Bearer ")
-    return same_token(parse_qs(urlsplit(target).query).get("token", [bearer])[0], token)
-
-
-def same_token(given: str, token: str) -> bool:
-    """Compare tokens in a time that does not tell how much of one is right."""
+    given = parse_qs(urlsplit(target).query).get("token", [bearer])[0]
+    # Takes a time that does not tell how much of the token is right.
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())

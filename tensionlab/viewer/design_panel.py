@@ -243,7 +243,8 @@ class DesignPanel:
             self._level.min = round(math.floor(low / step) * step, decimals)
             self._level.max = round(math.ceil(high / step) * step, decimals)
         self._level.value = float(state.level)
-        self._share.content = share_html(state, volume, ghost)
+        steps = describe_step(volume.axes)
+        self._share.content = render("design.share", metric(state.metric), volume, state.level, steps, ghost)
 
 
 def solver_names(rig: Rig) -> list[str]:
@@ -305,11 +306,6 @@ def tensions_html(state: DesignState, found: StateEvaluation) -> str:
     colours = tension_colours(state.rig, found)
     lines = list(zip(state.rig.modules, found.allocation.tensions.tolist(), colours, strict=True))
     return render("design.tensions", lines, float(state.rig.limits.upper.max()) or 1.0)
-
-
-def share_html(state: DesignState, volume: Volume, ghost: Volume | None = None) -> str:
-    """Return the share of the box in which the metric is above the level."""
-    return render("design.share", metric(state.metric), volume, state.level, describe_step(volume.axes), ghost)
 
 
 def place_below(folder: Path, path: str) -> Path:

@@ -64,11 +64,12 @@ class SceneEncoder:
         points = self._in_scene(ways(ends, anchors, rig.pulleys_in_world(state.pose.frames)))
         colours = ramp(np.where(state.active, state.tensions, np.nan), rig.limits.lower, rig.limits.upper)
         force = measured_wrench(state.structure, state.tensions, state.active)
+        size = _vector(np.full(3, ANCHOR_SHARE * self._size))
         content = _scene_update(
             time_ns,
             lines=[_line(np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 3), colours)],
             spheres=[
-                _sphere(anchor, ANCHOR_SHARE * self._size, colour)
+                {"pose": {"position": _vector(anchor)}, "size": size, "color": _color(colour)}
                 for anchor, colour in zip(self._in_scene(anchors), colours, strict=True)
             ],
             arrows=self._arrows(state.pose.position, force[: rig.dimension]),
@@ -112,10 +113,6 @@ def _line(points: Floats, colours: Colours) -> Json:
         "points": [_vector(point) for point in points],
         "colors": shades * (len(points) // len(shades)),
     }
-
-
-def _sphere(place: Floats, diameter: float, colour: Colours) -> Json:
-    return {"pose": {"position": _vector(place)}, "size": _vector(np.full(3, diameter)), "color": _color(colour)}
 
 
 def _arrow(start: Floats, direction: Floats, length: float, size: float) -> Json:

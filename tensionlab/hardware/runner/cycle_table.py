@@ -55,11 +55,6 @@ def impedance_rows(cycle: Cycle, rig: Rig) -> list[tuple[float, ...]]:
     return [(math.nan,) * len(IMPEDANCE) if spring is None else spring for spring in springs]
 
 
-def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:
-    """Return whether each module's brake is on in the demand."""
-    return [module.name in cycle.demand.brakes for module in rig.modules]
-
-
 def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
     """Return the anchors in the world, those on bodies by the bodies' poses."""
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
@@ -132,7 +127,10 @@ class CycleTable:
         "solver_wrench", WRENCH, "demanded wrench minus what impedances and lost modules pull", "component"
     )
     impedances: Floats = column(impedance_rows, "SI", f"commanded {', '.join(IMPEDANCE)}", "module", "impedance")
-    commanded_brakes: Flags = column(brakes_on, "1", "whether the brake is commanded on", "module")
+    commanded_brakes: Flags = column(
+        lambda cycle, rig: [module.name in cycle.demand.brakes for module in rig.modules],
+        "1", "whether the brake is commanded on", "module",
+    )  # fmt: skip
     stop: Flags = column("demand.stop", "1", "whether the demand ends the run")
     chosen: Floats = column("allocation.tensions", "N", "tension that the solver chose", "module")
     rendered: Floats = column("allocation.wrench", WRENCH, "wrench that the chosen tensions exert", "component")
