@@ -4,6 +4,7 @@ The sources are the Markdown files and notebooks of the whole repository, where 
 work on GitHub as they do on the site.
 """
 
+import os
 import re
 import sys
 from collections import Counter
@@ -41,7 +42,11 @@ include_patterns = [
     "docs/**",
     "notebooks/*.ipynb",
     "CHANGELOG.md",
+    "CODE_OF_CONDUCT.md",
     "CONTRIBUTING.md",
+    "RELEASING.md",
+    "SECURITY.md",
+    "paper/README.md",
     "datasets/README.md",
     "datasets/*/README.md",
     "firmware/*.md",
@@ -100,7 +105,7 @@ html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 templates_path = ["docs/templates"]  # seen from the root of the repository
-html_sidebars = {"docs/index": [], "docs/which-solver": [], "docs/glossary": [], "CHANGELOG": []}
+html_sidebars = {"docs/index": [], "docs/which-solver": [], "docs/glossary": []}
 html_theme_options = {
     "logo": {
         "text": "tensionlab",
@@ -119,5 +124,13 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
+# Beside sites of other versions (tools/site/versions.py) a menu leads from one to another.
+if "TENSIONLAB_DOCS_VERSION" in os.environ:
+    html_theme_options |= {
+        "switcher": {"json_url": "../switcher.json", "version_match": os.environ["TENSIONLAB_DOCS_VERSION"]},
+        "check_switcher": False,
+        "navbar_start": ["navbar-logo", "version-switcher"],
+        "show_version_warning_banner": True,
+    }
 copybutton_prompt_text = r">>> |\.\.\. "
 copybutton_prompt_is_regexp = True

@@ -21,7 +21,7 @@ def test_its_example_prints_what_it_says(
 
 
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in path.parts]
-DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
+DOCUMENTS = [*sorted(ROOT.glob("*.md")), ROOT / "paper" / "README.md", *PAGES]
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
