@@ -61,7 +61,7 @@ TENSIONLAB_API int tensionlab_allocate(int n, int m, const double* structure, co
                                        const double* weights, int policy, double* tensions,
                                        tensionlab_result* result);
 
-/* "0.1.0". */
+/* "1.0.0". */
 TENSIONLAB_API const char* tensionlab_version(void);
 
 #ifdef __cplusplus

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tensionlab.viewer.design_page import view
     from tensionlab.workspace.sweep import sweep
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 __all__ = [
     "SOLVERS",
