@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind numpy hatch-fancy-pypi-readme $(foreac
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*.h include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check dangers emulate sanitize format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check dangers emulate sanitize sbom release-check format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -56,6 +56,7 @@ check: .venv/dev.stamp
 	@$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32 -p tensionlab
 	@$(BIN)/clang-format --dry-run --Werror $(NATIVE) playground/kernels.cpp
 	@$(BIN)/zizmor --offline --quiet --no-progress .github/workflows
+	@if command -v actionlint >/dev/null; then actionlint; fi
 
 format: .venv/dev.stamp
 	@$(BIN)/ruff check --fix .
@@ -147,6 +148,21 @@ emulate: .venv/dev.stamp
 # Native code under the sanitizers of GCC.
 sanitize: .venv/dev.stamp
 	@PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tools.sanitize
+
+# What an installation of WHEEL, or of these sources, consists of, in CycloneDX format.
+WHEEL ?= .
+sbom: .venv/tools.stamp
+	@mkdir -p out build
+	@$(BIN)/python -m venv --clear build/sbom-tool && build/sbom-tool/bin/pip install --quiet cyclonedx-bom
+	@$(BIN)/python -m venv --clear --without-pip build/sbom
+	@build/sbom-tool/bin/pip --python build/sbom/bin/python install --quiet -c constraints.txt "$(WHEEL)"
+	@build/sbom-tool/bin/cyclonedx-py environment --output-reproducible --pyproject pyproject.toml --mc-type library \
+	  --output-file out/tensionlab.cdx.json build/sbom/bin/python
+	@echo out/tensionlab.cdx.json
+
+# Everything that a machine can check before a release, in an empty clone of the last commit: a quarter of an hour.
+release-check:
+	@.ci/release-check
 
 .venv/docs.stamp: .venv/user.stamp
 	@echo "Fetching what builds the site ..."
