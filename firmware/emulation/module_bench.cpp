@@ -23,7 +23,7 @@ constexpr const char* kNames[kKinds] = {
     "arm",           "set_tension",   "set_impedance",
     "stop",          "estop",         "clear",
     "get_parameter", "set_parameter", "save",
-    "calibrate",     "ping",          "configure_telemetry"};  // clang-format would put each on a line of its own
+    "calibrate",     "ping",          "configure_telemetry"};
 
 // How often each number of ticks occurred.
 class Counts {

@@ -64,7 +64,7 @@ def test_a_core_that_takes_longer_exceeds_its_budget(tmp_path):
 
 
 def test_the_core_asks_for_no_library_and_fits_its_budget(tmp_path):
-    """Else, if the core must be larger: `python firmware/check.py --write`, and `make generated`."""
+    """Else, if the core must be larger: `python firmware/check.py arm esp32 --write`, and `make generated`."""
     skip_without("cortex-m4f")
     assert check.over_budget("arm", check.arm(tmp_path)) == []
 
