@@ -18,12 +18,9 @@ using namespace tensionlab::emulation;
 enum Kind { kStep, kTransmit, kTurn, kRestart, kCommand };  // and one for each type of command
 constexpr int kKinds = kCommand + kCommandTypes;
 constexpr const char* kNames[kKinds] = {
-    "step",          "transmit",      "turn",
-    "restart",       "unknown",       "hello",
-    "arm",           "set_tension",   "set_impedance",
-    "stop",          "estop",         "clear",
-    "get_parameter", "set_parameter", "save",
-    "calibrate",     "ping",          "configure_telemetry"};
+    "step",          "transmit",      "turn",          "restart",   "unknown", "hello",
+    "arm",           "set_tension",   "set_impedance", "stop",      "estop",   "clear",
+    "get_parameter", "set_parameter", "save",          "calibrate", "ping",    "configure_telemetry"};
 
 // How often each number of ticks occurred.
 class Counts {
