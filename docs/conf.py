@@ -129,7 +129,7 @@ if "TENSIONLAB_DOCS_VERSION" in os.environ:
     html_theme_options |= {
         "switcher": {"json_url": "../switcher.json", "version_match": os.environ["TENSIONLAB_DOCS_VERSION"]},
         "check_switcher": False,
-        "navbar_start": ["navbar-logo", "version-switcher"],
+        "navbar_end": ["version-switcher", "theme-switcher"],
         "show_version_warning_banner": True,
     }
 copybutton_prompt_text = r">>> |\.\.\. "
