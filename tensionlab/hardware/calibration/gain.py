@@ -12,19 +12,16 @@ evenly moves a mass at rest by the cube of time, so the cube root of the way lea
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
-from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
-from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Limit, State
-from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Info, SetParameter, Telemetry
-from tensionlab.hardware.runner.watchdog import stopping
+from tensionlab.errors import CalibrationError, ModuleFault
+from tensionlab.hardware.calibration.pulling import PERIOD_S, Puller, pulling
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import State
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 from tensionlab.support.arrays import Floats
 
@@ -131,14 +128,6 @@ def estimate_gain(balances: Sequence[Balance], previous_gain: float) -> GainEsti
     return GainEstimate(gain, friction, zero, previous_gain, before, after, tuple(balances))
 
 
-PERIOD_S, TELEMETRY_MS = 0.02, 10  # from one set-point, and one telemetry message, to the next
-MAX_SILENT_PERIODS = 25  # without telemetry
-ARM_TRIES = 3
-LIMITER_ADVICE = {
-    Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
-    Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
-    Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
-}  # limiters that keep a module from the commanded tension, and what to do about them
 # Rate of the set-point in N/s: first to find where the mass moves, then to weigh it.
 SEARCH_N_S, RAMP_N_S = 0.5, 0.1
 # Cable lengths in m: lifted off the ground; surely moving; moving by more than a tooth of cogging.
@@ -176,7 +165,7 @@ def weigh(
             f"too {'light' if weight <= lower else 'heavy'}: hang a mass of {lowest:.2f} to {highest:.2f} kg on it"
         )
     balances = []
-    with _pulling(client, info) as puller:
+    with pulling(client, info) as puller:
         ramp = partial(_ramp, puller, min(info.tension_upper, MAX_WEIGHT_RATIO * weight))
         _settle(puller, lower)  # takes up slack
         ground = puller.reports[-1].length
@@ -205,73 +194,7 @@ def weigh(
     return balances
 
 
-class _Puller:
-    """Armed module, its description, and its telemetry since it was armed or `reports` was cleared."""
-
-    def __init__(self, client: ModuleClient, info: Info) -> None:
-        self.client, self.info = client, info
-        self.reports: list[Telemetry] = []
-
-    def hold(self, tension: float) -> Telemetry:
-        """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
-        for _ in range(MAX_SILENT_PERIODS):
-            self.client.set_tension(tension)
-            self.client.wait(PERIOD_S)
-            self.client.check()
-            if self.reports:
-                break
-        else:
-            raise HardwareError(f'module "{self.client.name}" sends no telemetry')
-        latest = self.reports[-1]
-        if latest.limit in LIMITER_ADVICE:
-            raise HardwareError(
-                f'module "{self.client.name}" does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}'
-            )
-        return latest
-
-
-@contextmanager
-def _pulling(client: ModuleClient, info: Info) -> Iterator[_Puller]:
-    """Arm a module, and stop it at the end, also after an error.
-
-    A module whose N/A was never calibrated refuses to be armed; meanwhile it is marked as calibrated. A
-    `HardwareError` if that could not be undone.
-    """
-    puller = _Puller(client, info)
-    client.record(puller.reports)
-    try:
-        if not info.calibrated:
-            client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
-        with stopping(client.stop, client.estop):
-            client.command(ConfigureTelemetry(TELEMETRY_MS))
-            for _ in range(ARM_TRIES):  # it times out if answers are lost
-                client.arm()
-                client.set_tension(info.tension_lower)
-                client.wait(0.1)
-                if client.state is not State.TIMEOUT:
-                    break
-                client.stop()
-            yield puller
-    finally:
-        ended = sys.exception()
-        client.record(None)
-        with suppress(HardwareError):
-            client.command(ConfigureTelemetry(0))
-            client.wait(0.3)  # until nothing pulls any more
-        if not info.calibrated:  # it is to refuse to be armed again
-            try:
-                client.command(SetParameter(PARAMETERS["calibrated"].index, 0.0), PATIENT_TIMEOUTS_S)
-            except HardwareError as error:
-                armable = (
-                    f'module "{client.name}" counts as calibrated though its N/A was never measured, and can be '
-                    f"armed: switch it off and on before anything else ({error})"
-                )
-                if ended is None:
-                    raise HardwareError(armable) from None
-                ended.args = (f"{ended}. And {armable}",)
-
-
-def _ramp(puller: _Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
+def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
     """Change the set-point, up to `most`, until the cable has moved so far; return that at which it started."""
     info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
     puller.reports.clear()
@@ -292,7 +215,7 @@ def _ramp(puller: _Puller, most: float, tension: float, rate: float, way: float,
     return tension if started is None else started
 
 
-def _settle(puller: _Puller, tension: float) -> None:
+def _settle(puller: Puller, tension: float) -> None:
     """Hold the mass, with damping, until it is at rest."""
     puller.reports.clear()
     telemetry = puller.hold(tension)
@@ -309,7 +232,7 @@ def _settle(puller: _Puller, tension: float) -> None:
     )
 
 
-def _current_at_start(puller: _Puller, direction: int) -> float:
+def _current_at_start(puller: Puller, direction: int) -> float:
     """Return the current that the module measured when the cable began to move."""
     reports = puller.reports
     time = 1e-6 * np.array([(each.time_us - reports[0].time_us) % (1 << 32) for each in reports])
