@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "../core/module.hpp"
 #include "current_control.hpp"
@@ -70,6 +71,9 @@ class Plant {
             static_cast<float>(supply),
             !broken.encoder};
   }
+
+  // The electrical zero is found: returns by how much it was wrong, rad.
+  double align() { return std::exchange(p_.zero_error, 0.0); }
 
   const Spool& spool() const { return spool_; }
   double current() const { return current_; }  // of the motor, as it is asked for, A

@@ -96,7 +96,9 @@ class SimulatedModule {
       stored_.assign(image, image + sizeof image);
       module_.chore_done(true, 0.0f);
     } else if (module_.chore() == firmware::Chore::align_encoder) {
-      module_.chore_done(!plant_.broken.encoder, 1.0f);
+      const double turn = 6.283185307179586, error = plant_.broken.encoder ? 0.0 : plant_.align();
+      const double zero = static_cast<double>(module_.parameters()[firmware::Parameter::motor_zero]) + error;
+      module_.chore_done(!plant_.broken.encoder, static_cast<float>(zero - turn * std::floor(zero / turn)));
     }
   }
 

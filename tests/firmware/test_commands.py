@@ -232,7 +232,7 @@ def test_a_module_is_not_changed_while_it_lets_go():
 
 
 def test_a_second_chore_waits_for_the_first_and_only_stop_ends_an_alignment_whose_result_is_stored():
-    host = Host()
+    host = Host(plant={"zero_error": 1.0})
     assert host.say(Calibrate(Calibration.ENCODER)) == [], "it is answered when it is done"
     repeated = host.sequence
     assert host.say(Calibrate(Calibration.ENCODER), repeated) == [], "and only once"
