@@ -2,7 +2,8 @@
 
 Run it from the root of the repository: ``python firmware/dangers.py``. With ``--write`` the worst of all seeds
 goes to `dangers.json`, from which ``make generated`` makes the table in README.md. A thousand seeds take a quarter
-of an hour.
+of an hour. ``python firmware/dangers.py --serve wire`` serves a module with that defect instead, for
+``tensionlab module doctor``.
 """
 
 from __future__ import annotations
@@ -89,18 +90,34 @@ def play(program: Path, seeds: int, first: int = 0, row: int | None = None) -> l
     return dangers
 
 
+def serve(program: Path, defect: str) -> int:
+    """Serve a module with a defect until Ctrl-C."""
+    with subprocess.Popen([str(program), defect, "0"], stdout=subprocess.PIPE, text=True) as served:
+        if served.stdout is not None and (port := served.stdout.readline()):
+            print(f"socket://127.0.0.1:{port.strip()}", flush=True)
+        try:
+            return served.wait()
+        except KeyboardInterrupt:
+            served.kill()
+            return 0
+
+
 def main() -> int:
     """Play all dangers; 1 if one went wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=SEEDS, help=f"of each danger (default: {SEEDS})")
     parser.add_argument("--jobs", type=int, default=2, help="dangers at a time (default: 2)")
     parser.add_argument("--write", action="store_true", help=f"write the worst to {FIGURES.name}")
+    parser.add_argument("--serve", metavar="DEFECT", help='serve a module with a defect ("none": without)')
     options = parser.parse_args()
     if shutil.which("c++") is None:
         print("no C++ compiler 'c++' was found")
         return 1
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(options.jobs) as pool:
-        program = link(compile_firmware(Path(name)), Path(name) / "dangers")
+        objects = compile_firmware(Path(name))
+        if options.serve is not None:
+            return serve(link(objects, Path(name) / "served", "served"), options.serve)
+        program = link(objects, Path(name) / "dangers")
         rows = range(len(play(program, 0)))
         dangers = []
         for (danger,) in pool.map(lambda row: play(program, options.seeds, row=row), rows):
