@@ -13,6 +13,7 @@ from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links, print_all
 from tensionlab.cli.common.verbs import Json, Verbs, flag
 from tensionlab.cli.module_calibrate import calibrate
+from tensionlab.cli.module_doctor import doctor
 from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client import parameter_file
@@ -234,6 +235,7 @@ def _change(links: Mapping[str, str], values: Mapping[str, float], source: str, 
     exit_if_failed(failed)
 
 
+module.command()(doctor)
 module.command()(ping)
 module.command()(monitor)
 module.add_typer(config, name="config")

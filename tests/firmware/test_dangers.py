@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from firmware import dangers
+from tests.helpers.defects import compile_programs
 from tests.helpers.shared import make_once
 from tests.stress import cases
 
@@ -16,11 +17,7 @@ SEEDS = max(cases(5), 2)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Folder with the firmware's objects, and the program of them."""
-    return make_once(
-        tmp_path_factory,
-        "dangers",
-        lambda folder: dangers.link(dangers.compile_firmware(folder), folder / "dangers"),
-    )
+    return make_once(tmp_path_factory, "dangers", compile_programs)
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,18 @@ import socket
 import struct
 import subprocess
 
+from firmware import dangers
+from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import Acknowledge, Decoder, Event, Info, Telemetry, read
 
 STEP_US = 5000
+
+
+def compile_programs(folder):
+    """Make `dangers`, which plays all dangers, and `served`, which serves a module with a defect."""
+    objects = dangers.compile_firmware(folder)
+    for program, main in (("dangers", "play"), ("served", "served")):
+        dangers.link(objects, folder / program, main)
 
 
 class DefectLink:
@@ -62,13 +71,16 @@ class DefectLink:
         return 1e-6 * self._us
 
     def close(self):
+        """Do nothing: the link can be opened again until `end`."""
+
+    def end(self):
         self._socket.close()
         self._process.stdin.close()
         self._process.stdout.close()
         self._process.wait()
 
     @property
-    def states(self):
-        """States in which the module has said that it is or was."""
-        kinds = Acknowledge | Event | Info | Telemetry
-        return {each.state for each in self.heard if isinstance(each, kinds)}
+    def armed(self):
+        """Whether the module has ever said that it was armed, or has acknowledged that."""
+        kinds, driven = Acknowledge | Event | Info | Telemetry, {State.ARMED, State.RUNNING}
+        return any(isinstance(each, kinds) and each.state in driven for each in self.heard)

@@ -29,10 +29,10 @@ class Puller:
         self.client, self.info = client, info
         self.reports: list[Telemetry] = []
 
-    def hold(self, tension: float) -> Telemetry:
+    def hold(self, tension: float, ttl_ms: int = 0) -> Telemetry:
         """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
         for _ in range(MAX_SILENT_PERIODS):
-            self.client.set_tension(tension)
+            self.client.set_tension(tension, ttl_ms=ttl_ms)
             self.client.wait(PERIOD_S)
             self.client.check()
             if self.reports:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import threading
 import time
+from collections import deque
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple, Self, TypeVar
@@ -33,6 +34,7 @@ PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
 SLOW_TIMEOUTS_S = (2.0, 2.0, 2.0)  # for commands that take the module long
 SLOW_COMMANDS = (messages.Save, messages.Calibrate)
 CLOCK_WRAP_US = 1 << 32  # where the clocks of modules wrap around
+MAX_LOGS = 20
 READ_TIMEOUT_S = 0.1  # wait for bytes before a thread checks whether its link is closed
 NO_FILE, NO_STATE = -1, -1  # of an endpoint without one
 SET_POINTS = (Type.SET_TENSION, Type.SET_IMPEDANCE)
@@ -95,6 +97,7 @@ class ModuleClient:
         self.link = open_link(link, name) if isinstance(link, str) else link
         self._arm_repeated = False
         self._recorded: list[Telemetry] | None = None
+        self.logs: deque[str] = deque(maxlen=MAX_LOGS)  # the module's latest lines of text
         # Sessions must differ from those of other hosts and earlier runs.
         self._random = random.SystemRandom() if seed is None else random.Random(seed)
         self._sequence = self._random.randrange(256)
@@ -403,7 +406,9 @@ class ModuleClient:
             elif isinstance(message, Acknowledge) and message.command in SET_POINTS:
                 with self._arrived:
                     self._refused, self.endpoint.needs_attention = message, True
-            elif not isinstance(message, messages.Event | messages.Log):
+            elif isinstance(message, messages.Log):
+                self.logs.append(message.text)
+            elif not isinstance(message, messages.Event):
                 if isinstance(message, Acknowledge) and (message.command, message.code) == (Type.CLEAR, Code.OK):
                     self.endpoint.faults = 0
                 self._store_answer(frame.sequence, message)
