@@ -61,7 +61,8 @@ struct Reached {
   void read(const Frame& frame) {
     messages |= 1U << (frame.type & 31);
     if (frame.type == static_cast<uint8_t>(Type::acknowledge)) codes |= 1U << frame.payload[1];
-    if (frame.type == static_cast<uint8_t>(Type::telemetry)) brakes |= 1U << frame.payload[33];
+    // In telemetry three numbers of two bytes follow the brake.
+    if (frame.type == static_cast<uint8_t>(Type::telemetry)) brakes |= 1U << frame.payload[frame.size - 7];
   }
 };
 
@@ -211,6 +212,10 @@ class Bench {
     phase_ = Phase::work;
     left_ = 100 + random_.below(700);
     defect_at_ = random_.once_in(3) ? 0 : left_ / 2 + random_.below(left_ / 2);
+    if (defect_ == Defect::slack) {  // it takes a second to be noticed
+      left_ = 600;
+      defect_at_ = 500;
+    }
   }
 
   // The duration of a step, and the next defect in turn.
@@ -218,7 +223,7 @@ class Bench {
     static const int durations_us[] = {250, 250, 250, 250, 100, 1000, 2500};
     step_us_ = durations_us[random_.below(7)];
     defect_ = static_cast<Defect>((static_cast<int>(defect_) + 1) % static_cast<int>(Defect::count));
-    if (defect_ == Defect::slack) step_us_ = 2500;  // it takes a second to be noticed
+    if (defect_ == Defect::slack) step_us_ = 2500;
     impedance_ = random_.once_in(2);
   }
 

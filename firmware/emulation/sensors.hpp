@@ -42,7 +42,7 @@ class SimulatedSensors {
   // A sample some time after the last, of a motor that did what was asked of it.
   const firmware::Sensors& sample(int step_us, const firmware::Actuators& asked, const firmware::Parameters& p) {
     const float seconds = 1e-6F * static_cast<float>(pass(step_us));
-    move(seconds);
+    move(seconds, p[firmware::Parameter::speed_limit]);
     const float radius = p[firmware::Parameter::spool_radius] * p[firmware::Parameter::motor_direction];
     const float volts = -velocity_ * p[firmware::Parameter::newton_per_ampere] * (2.0F / 3.0F);
     const bool on = asked.driver_on;
@@ -66,14 +66,15 @@ class SimulatedSensors {
     return sensors_.now_us - before;
   }
 
-  void move(float seconds) {
+  // Defects move the cable faster than the monitor allows, or slack in as fast as the limiter does.
+  void move(float seconds, float speed_limit) {
     seconds_ += seconds;
     velocity_ += noise(0.02F) - 0.2F * seconds * (position_ - 1.5F);
     velocity_ = firmware::clamp(velocity_, -1.0F, 1.0F);
     if (defect_ == Defect::current_missing) velocity_ = noise(0.05F);
-    if (defect_ == Defect::reels_in) velocity_ = -2.5F;
-    if (defect_ == Defect::pays_out) velocity_ = 4.0F;
-    if (defect_ == Defect::slack) velocity_ = seconds_ < 0.1F ? 0.0F : -1.8F;  // first taut
+    if (defect_ == Defect::reels_in) velocity_ = -1.6F * speed_limit;
+    if (defect_ == Defect::pays_out) velocity_ = 2.6F * speed_limit;
+    if (defect_ == Defect::slack) velocity_ = seconds_ < 0.1F ? 0.0F : -1.2F * speed_limit;  // first taut
     position_ += velocity_ * seconds;
   }
 
