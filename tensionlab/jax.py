@@ -1,5 +1,5 @@
 """JAX: the public names of `tensionlab.interop.jax`."""
 
-from tensionlab.interop.jax import allocate, structure_matrix
+from tensionlab.interop.jax import ProvedTensions, allocate, solve, structure_matrix
 
-__all__ = ["allocate", "structure_matrix"]
+__all__ = ["ProvedTensions", "allocate", "solve", "structure_matrix"]

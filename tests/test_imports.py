@@ -86,7 +86,7 @@ DOORS = {
     "pandas": {"support/provenance.py"},
     "zarr": {"workspace/sweep/store.py"},
     "distributed": {"workspace/sweep/executors.py"},
-    "jax": {"interop/jax.py"},
+    "jax": {"interop/jax.py", "interop/jax_solver.py"},
     "torch": {"interop/torch.py"},
     "matplotlib": {"plots"},
     "mpl_toolkits": {"plots"},
