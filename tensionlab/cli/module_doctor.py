@@ -36,11 +36,11 @@ def doctor(
         with ModuleClient(url, url) as client:
             for check in diagnose(client, move=not still, ask=None if yes else output.wait_for_enter):
                 checks.append(check)
-                if not json:
-                    mark = "✗" if check.finding else ("–" if check.result.startswith(LEFT_OUT) else "✓")
-                    output.print_line(f"{mark} {check.name:<9}{check.result}", "red" if check.finding else "")
-                    if check.finding:
-                        output.print_line(f"  {check.meaning}")
+                if json:
+                    continue
+                mark = "✗" if check.finding else ("–" if check.result.startswith(LEFT_OUT) else "✓")
+                meaning = f"\n  {check.meaning}" if check.finding else ""
+                output.print_line(f"{mark} {check.name:<9}{check.result}{meaning}")
     except HardwareError as error:
         failed[url] = error
     faults = sum(bool(check.finding) for check in checks)

@@ -27,18 +27,15 @@ READING_S, MOMENT_S = 1.0, 0.2  # times for which telemetry is read
 SLOW_LOOP_US = 400
 JITTER_M = 2e-4  # largest standard deviation of the cable's length at rest
 NO_SUPPLY_V, LARGEST_SAG_V = 3.0, 0.5
-HAND_M = 0.005  # way of the cable by which it followed a hand
+HAND_M, SLACK_M = 0.005, 0.06  # of cable: it followed a hand; most slack that a pull takes up
 POLE_PAIRS = 11  # for which the firmware is compiled
 LARGEST_ZERO_ERROR_DEG = 15
 PULL_N, RAMP_N_S = 0.5, 1.0  # of the pull: above the minimum tension, and how fast it grows
 SLOW_M_S = 0.05  # speed above which it does not grow
-SLACK_M = 0.06  # most slack that is taken up
-PULL_TIMEOUT_S = 10.0
-TTL_MS = 150  # time to live of the set-points
+PULL_TIMEOUT_S, TTL_MS = 10.0, 150  # of all, and of a set-point
 FINDINGS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 NEXT = "Motor supply on, and the cable's end fixed, with 3 cm of slack: the spool turns to and fro, then pulls"
-LEFT_OUT = "left out"
-WRONG = f"{LEFT_OUT}: first put right what is wrong above"
+LEFT_OUT, WRONG = "left out", "left out: first put right what is wrong above"
 # Findings with which the electrical zero may be looked for all the same.
 BEFORE_SETUP = frozenset({"", "flash-empty", "not-calibrated", "pulses"})
 
@@ -139,10 +136,10 @@ def _check_sensors(client: ModuleClient) -> Iterator[Check]:
     finding = "encoder" if Fault.ENCODER in faults else finding
     yield _judged("encoder", f"jitters by {1e6 * jitter:.2g} um", finding)
     volts, slowest = float(np.median(supply)), float(np.median(loop))
-    deaf = math.isnan(volts)
-    named = "low" if volts < PARAMETERS["supply_upper"].default else "high"
-    named = "supply-missing" if volts < NO_SUPPLY_V else f"supply-{named}"
-    yield _judged("supply", f"{volts:.1f} V", "converter" if deaf else (named if Fault.SUPPLY in faults else ""))
+    level = "low" if volts < PARAMETERS["supply_upper"].default else "high"
+    wrong = "supply-missing" if volts < NO_SUPPLY_V else f"supply-{level}"
+    deaf = "converter" if math.isnan(volts) else ""
+    yield _judged("supply", f"{volts:.1f} V", deaf or (wrong if Fault.SUPPLY in faults else ""))
     slow = (slowest > SLOW_LOOP_US or Fault.LOOP in faults) and not deaf  # which makes it slow
     yield _judged("loop", f"{slowest:.0f} us", "loop" if slow else "")
     yield _judged("winding", f"{100.0 * reports[-1].thermal:.0f} % of its budget spent")
