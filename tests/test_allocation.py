@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.solvers import SOLVERS, as_fused_solver, make
 from tensionlab.solvers.base import Answer, Policy, Problem, Verified
 from tensionlab.support.arrays import Floats
 
@@ -319,6 +320,25 @@ def test_a_broken_backend_fails_with_its_reason() -> None:
     unexplained = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger(NAN))
     assert unexplained.status == tl.Status.FAILED
     assert unexplained.failures[0]
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if as_fused_solver(make(name))])
+def test_a_problem_has_the_same_answer_alone_and_in_a_batch(name: str) -> None:
+    rng = np.random.default_rng(0)
+    structure = rng.normal(size=(40, 2, 4))
+    structure[0, 1] = 0.0  # more redundancy than a polygon has dimensions
+    wrench = np.einsum("bnm,m->bn", structure, np.ones(4)) + rng.normal(scale=4.0, size=(40, 2))
+    allocator = tl.Allocator((np.full(4, 0.5), np.full(4, 6.0)), name)
+    batch = allocator(structure, wrench)
+    assert batch.exact.any() == (name != "spidar")  # whose error is small, never nothing
+    assert not batch.exact.all()
+    for row in range(len(wrench)):
+        single = allocator(structure[row], wrench[row])
+        for field in ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation"):
+            np.testing.assert_array_equal(getattr(single, field), getattr(batch, field)[row])
+            assert getattr(single, field).dtype == getattr(batch, field).dtype
+        assert single.failures == ({0: batch.failures[row]} if row in batch.failures else {})
+    assert list(batch.failures) == ([0] if name == "polygon" else [])
 
 
 @pytest.mark.parametrize("weight", [1e-6, 1e-10, 1e-16])

@@ -3,7 +3,7 @@
 //   minimise |w - W t|^2   subject to   a <= t <= b
 //
 // The set of feasible wrenches is bounded by flat faces. On the nearest one, all cables are at a limit except a
-// few, whose columns are independent. A direction that separates w nearly tells which: cables that it is almost
+// few, whose columns are independent. A direction that nearly separates w tells which: cables that it is almost
 // perpendicular to are free, the others at the limit that it points to. An active set method starts there: the
 // free cables step to their least squares; the first that meets a limit is held there; where none does, the cable
 // that reduces the error most is freed. The error falls with every step, so that no set comes twice.
@@ -29,7 +29,7 @@ class NearestFace {
  public:
   explicit NearestFace(int m) : problem_(m) {}
 
-  // problem: one for each lane; direction: one that separates its wrench.
+  // problem: one for each lane; direction: one that may separate its wrench.
   void solve(const Problem<Real> (&source)[L], const Real* const (&direction)[L]) {
     problem_.load(source);
     begin(direction);

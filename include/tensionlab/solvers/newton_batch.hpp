@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "tensionlab/solvers/nearest_face.hpp"
 #include "tensionlab/solvers/newton.hpp"
@@ -13,7 +14,8 @@ namespace tensionlab {
 
 inline namespace TENSIONLAB_BUILD {
 
-// Newton steps for all rows; the nearest face, a vector of problems at a time, for those proved infeasible; and
+// The nearest face, a vector of problems at a time, for rows that come with a direction; Newton steps for the
+// others and for those without such a face; the nearest face again for those that these prove infeasible; and
 // proximal steps, at the end, for the few whose face is in doubt. Chunk: the rows between such ends.
 template <class Real, int L, int N, int M, int Chunk>
 class NewtonBatch {
@@ -34,30 +36,21 @@ class NewtonBatch {
     }
   }
 
-  // For the first `separated` rows the answer's separation already separates the wrench.
-  void solve(const Selection& rows, std::size_t separated = 0) {
+  // For the first `directed` rows the answer's separation has a direction that may separate the wrench.
+  void solve(const Selection& rows, std::size_t directed = 0) {
     const bool faces = has(Route::nearest_face) && policy_ != Policy::direction;
     std::size_t begin = 0;
-    if (!faces) separated = 0;
-    while (begin < separated) {
-      for (const std::size_t end = std::min(begin + kChunk, separated); begin < end; ++begin) enqueue(rows[begin]);
-      flush();
+    if (!faces) directed = 0;
+    while (begin < directed) {
+      for (const std::size_t end = std::min(begin + kChunk, directed); begin < end; ++begin) enqueue(rows[begin]);
+      if (waiting_count_ > 0) find_faces();
+      std::size_t others[kChunk];
+      const std::size_t count = std::exchange(doubtful_count_, 0);
+      std::copy_n(doubtful_, count, others);
+      if (count > 0) solve_by_steps({0, count, others}, 0, count, faces);
     }
     for (; begin < rows.count; begin += kChunk) {
-      Block& block = newton();
-      block.treat_infeasible(policy_, faces);
-      refill<L>(
-          block, begin, std::min(begin + kChunk, rows.count),
-          [&](int l, std::size_t j) { block.load(l, batch_[rows[j]]); },
-          [&](int l, std::size_t j) {
-            const std::size_t row = rows[j];
-            answer_.iterations[row] = block.store(l, tensions(row), separation(row));
-            if (block.separated(l)) enqueue(row);
-            if (policy_ == Policy::direction && block.failed(l) && may_be_exact(row)) {
-              doubtful_[doubtful_count_++] = row;
-            }
-          });
-      flush();
+      solve_by_steps(rows, begin, std::min(begin + kChunk, rows.count), faces);
     }
   }
 
@@ -72,15 +65,28 @@ class NewtonBatch {
     return *block_;
   }
 
-  // A row whose wrench is separated waits until there is one for each lane.
+  // Newton steps for rows [begin, end) of a selection.
+  void solve_by_steps(const Selection& rows, std::size_t begin, std::size_t end, bool faces) {
+    Block& block = newton();
+    block.treat_infeasible(policy_, faces);
+    refill<L>(
+        block, begin, end, [&](int l, std::size_t j) { block.load(l, batch_[rows[j]]); },
+        [&](int l, std::size_t j) {
+          const std::size_t row = rows[j];
+          answer_.iterations[row] = block.store(l, tensions(row), separation(row));
+          if (block.separated(l)) enqueue(row);
+          if (policy_ == Policy::direction && block.failed(l) && may_be_exact(row)) {
+            doubtful_[doubtful_count_++] = row;
+          }
+        });
+    if (waiting_count_ > 0) find_faces();
+    if (doubtful_count_ > 0) solve_doubtful();
+  }
+
+  // A row that has a direction waits until there is one for each lane.
   void enqueue(std::size_t row) {
     waiting_[waiting_count_++] = row;
     if (waiting_count_ == L) find_faces();
-  }
-
-  void flush() {
-    if (waiting_count_ > 0) find_faces();
-    if (doubtful_count_ > 0) solve_doubtful();
   }
 
   // Nearest faces of the waiting rows; if they are fewer than the lanes, the last one is repeated.

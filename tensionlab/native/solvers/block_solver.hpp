@@ -48,20 +48,19 @@ class BlockSolver {
   // Rows [begin, end), a block at most; returns false if an entry of a structure matrix or a wrench is NaN or too
   // large.
   bool solve(std::size_t begin, std::size_t end) {
-    SweepRemainder remainder{rows_, unsolved_};
+    SweepRemainder remainder{rows_};
     if (has(Route::sweep)) {
       sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, remainder);
     } else {
       remainder.invalid = true;
-      for (std::size_t row = begin; row < end; ++row) unsolved_[remainder.unsolved_count++] = row;
+      for (std::size_t row = begin; row < end; ++row) rows_[remainder.count++] = row;
     }
-    std::copy_n(unsolved_, remainder.unsolved_count, rows_ + remainder.separated_count);
-    const Selection rest{0, remainder.separated_count + remainder.unsolved_count, rows_};
+    const Selection rest{0, remainder.count, rows_};
     if (rest.count == 0) return true;
     if (remainder.invalid && !all_within(batch_, rest, settings_.largest)) return false;
     for (std::size_t j = 0; j < rest.count; ++j) answer_.status[rows_[j]] = kUnverified;
     newton_for_this_processor()(batch_, settings_.policy(), settings_.rank_tolerance, settings_.tolerance, rest,
-                                remainder.separated_count,
+                                has(Route::sweep) && has(Route::separation_in_sweep) ? rest.count : 0,
                                 {answer_.tensions, answer_.separation, answer_.iterations, answer_.status,
                                  answer_.rendered, answer_.residual, answer_.scale});
     std::size_t* const unverified_end = std::remove_if(
@@ -80,7 +79,7 @@ class BlockSolver {
   const AllocationSettings& settings_;
   const SweepAnswer& answer_;
   std::atomic<bool>& flawed_;
-  std::size_t rows_[kBlock], unsolved_[kBlock];
+  std::size_t rows_[kBlock];
 };
 
 }  // namespace tensionlab

@@ -23,11 +23,10 @@ struct SweepAnswer {
   std::int64_t* iterations;
 };
 
-// Rows that a sweep leaves to the Newton steps: those whose wrench is proved infeasible, with the direction that
-// separates it in the answer's separation, and those of which nothing is known.
+// Rows that a sweep leaves: most are infeasible. The answer's separation has a direction that may separate each.
 struct SweepRemainder {
-  std::size_t *separated, *unsolved;
-  std::size_t separated_count = 0, unsolved_count = 0;
+  std::size_t* rows;
+  std::size_t count = 0;
   bool invalid = false;  // whether a number may be too large, or NaN
 };
 
@@ -35,10 +34,10 @@ struct SweepRemainder {
 TENSIONLAB_KERNEL(sweep, const Batch&, const SweepSettings&, std::size_t begin, std::size_t end,
                   const SweepAnswer&, SweepRemainder&)
 
-// The exact solver itself (solvers/newton_kernel.cpp). For the first `separated` rows the answer's separation
-// already holds a direction that separates the wrench; the direction policy does not use it.
+// The exact solver itself (solvers/newton_kernel.cpp). For the first `directed` rows the answer's separation
+// already holds a direction that may separate the wrench; the direction policy does not use it.
 TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, double tolerance, const Selection& rows,
-                  std::size_t separated, const NewtonAnswer&)
+                  std::size_t directed, const NewtonAnswer&)
 
 // Iterative solvers (solvers/iterative_kernels.cpp).
 struct IterativeAnswer {

@@ -6,11 +6,11 @@ namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 void newton(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, const Selection& rows,
-            std::size_t separated, const NewtonAnswer& answer) {
+            std::size_t directed, const NewtonAnswer& answer) {
   constexpr int kChunk = 512;
   with_size(batch.n, [&](auto n) {
     NewtonBatch<double, TENSIONLAB_LANES, n, kMaxCables, kChunk>(batch, policy, rank_tolerance, tolerance, answer)
-        .solve(rows, separated);
+        .solve(rows, directed);
   });
 }
 

@@ -300,39 +300,33 @@ class Sweep {
       return true;
     }
     remainder_.invalid = remainder_.invalid || any(!(group.size < V{} + settings_.largest));
-    V direction[N];
-    const auto open = has(Route::separation_in_sweep) ? !proved : proved & !proved;
-    const auto separated = separate(group, limit, open, direction);
+    V direction[N] = {};
+    if (has(Route::separation_in_sweep)) find_direction(group, limit, direction);
     for (int l = 0; l < group.count; ++l) {
       const std::size_t row = group.first + static_cast<std::size_t>(l);
       if (holds(proved, l)) {
         answer_.residual[row] = read<double>(residual, l);
         store_exact(row, 1);
-      } else if (holds(separated, l)) {
+      } else {
         for (int k = 0; k < N; ++k) answer_.separation[row * N + k] = read<double>(direction[k], l);
         answer_.iterations[row] = kEvaluations;
-        remainder_.separated[remainder_.separated_count++] = row;
-      } else {
-        remainder_.unsolved[remainder_.unsolved_count++] = row;
+        remainder_.rows[remainder_.count++] = row;
       }
     }
     return true;
   }
 
-  // Finds the open lanes in which a multiplier on the way separates the wrench from all feasible ones. Where there
-  // is no answer, multipliers soon point away from the feasible set, and then overshoot.
-  template <class Mask>
-  auto separate(const Group& group, const Limits& limit, const Mask& open, V (&direction)[N]) const {
+  // Finds the direction in which the nearest face is looked for: a multiplier of the last steps that separates the
+  // wrench from all feasible ones. Where there is no answer, multipliers soon point away from the feasible set,
+  // and then overshoot; an earlier one is good enough to start with.
+  void find_direction(const Group& group, const Limits& limit, V (&direction)[N]) const {
+    const auto last = separation_margin(group, limit, group.dual) > V{};
+    const auto one_before = separation_margin(group, limit, group.before[kSteps - 1]) > V{};
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) direction[k] = group.dual[k];
-    auto found = open & (separation_margin(group, limit, direction) > V{});
-    for (int s = kSteps - 1; s >= 0 && any(open & !found); --s) {
-      const auto now = open & !found & (separation_margin(group, limit, group.before[s]) > V{});
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) direction[k] = now ? group.before[s][k] : direction[k];
-      found = found | now;
+    for (int k = 0; k < N; ++k) {
+      direction[k] = one_before ? group.before[kSteps - 1][k] : group.before[kSteps - 2][k];
+      direction[k] = last ? group.dual[k] : direction[k];
     }
-    return found;
   }
 
   // d'w - h(d), less its rounding error: where positive, d separates w from all feasible wrenches.
