@@ -219,6 +219,7 @@ def texts() -> list[Text]:
         Text("to all modules", 290, 125, "middle"),
         Text("USB: its power, and the link", 735, 742, "middle"),
         Text(f"GPIO {pins()['kPairButton']}: its BOOT button", 735, 570, "middle", 12),
+        Text(f"GPIO {pins()['kThermistor']}: thermistor", 735, 590, "middle", 12),
         Text("Solder pads under the shield", 30, 765, bold=True),
         Text("filled: closed, empty: open", 262, 765),
         Text("Ground: all meet at one point, TB_PWR −", 970, 765, "end"),

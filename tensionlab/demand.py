@@ -61,8 +61,8 @@ class RigState:
         Sequence number of the set-point that each module followed last; -1 before the first telemetry.
     delays : (m,) array
         How long ago that set-point was sent, in s: the latency of the loop. NaN before the first.
-    thermal : (m,) array
-        Share of each winding's budget that is spent.
+    windings : (m,) array
+        Estimated temperature of each winding, in °C.
     upper_now : (m,) array
         Upper tension limits now, in N: the rig's, or less where a winding is warm or a body is near.
     clearance : (m,) array
@@ -85,7 +85,7 @@ class RigState:
     brakes: Integers
     last_sequence: Integers
     delays: Floats
-    thermal: Floats
+    windings: Floats
     upper_now: Floats
     clearance: Floats
 

@@ -202,6 +202,31 @@ def allocator() -> str:
     return table(head, rows)
 
 
+def ratings() -> str:
+    """Return the table of what `firmware/ratings.py --write` computed."""
+    measured = json.loads((FOLDER / "ratings.json").read_text())
+    rows = []
+    for room, amperes in measured["continuous"].items():
+        held = measured["hold"][room].items()
+        peaks = [
+            "; ".join(f"{3.0 * float(amps):.0f} N {seconds[at]:.0f} s" for amps, seconds in held)
+            for at in range(3)
+        ]
+        rows.append((f"{room} °C", f"{amperes:.2f} A: {3.0 * amperes:.1f} N", *peaks))
+    head = ("Room", "for good", "peaks from cold", "after an hour at half of that", "after it and a minute's rest")
+    return table(head, rows)
+
+
+def estimate() -> str:
+    """Return the sentence on the estimate that `firmware/ratings.py --write` compared."""
+    found = json.loads((FOLDER / "ratings.json").read_text())["estimate"]
+    return (
+        f"Of {found['modules']:,} modules, none had a winding more than {found['warmer_than_estimated']:.1f} K\n"
+        f"warmer than estimated. The warmest winding had {found['winding']:.0f} °C, the warmest housing "
+        f"{found['housing']:.0f} °C,\nthe warmest driver {found['driver']:.0f} °C."
+    )
+
+
 def dangers() -> str:
     """Return the table of what `firmware/dangers.py --write` measured."""
     measured = json.loads((FOLDER / "dangers.json").read_text())["dangers"]
@@ -247,6 +272,8 @@ def sections() -> dict[str, dict[str, str]]:
             "core": core(),
             "allocator": allocator(),
             "dangers": dangers(),
+            "ratings": ratings(),
+            "estimate": estimate(),
         },
         "PROTOCOL.md": {
             "example": example(),

@@ -52,6 +52,7 @@ void Module::send_info(uint8_t sequence) {
   writer.f32(p[Parameter::tension_upper]);
   writer.f32(p[Parameter::newton_per_ampere]);
   writer.f32(p[Parameter::spool_radius]);
+  writer.f32(smaller(heat_.continuous(p) * p[Parameter::newton_per_ampere], p[Parameter::tension_upper]));
   send(Type::info, sequence, writer, payload);
 }
 
@@ -95,7 +96,9 @@ void Module::send_telemetry(const Sensors& sensors) {
   writer.f32(length_offset_ + monitor_.paid_out());
   writer.f32(monitor_.speed());
   writer.f32(sensors.supply);
-  writer.f32(budget_.spent(parameters_));
+  // A little less than what it limits at: so the host limits first, late telemetry or not.
+  writer.f32(heat_.current_limit(parameters_, 0.8f) * parameters_[Parameter::newton_per_ampere]);
+  writer.u8(static_cast<uint8_t>(clamp(heat_.winding() + 0.5f, 0.0f, 255.0f)));
   writer.u8(static_cast<uint8_t>(brake_.state()));
   writer.u16(parser_.bad_frames());
   writer.u16(outbox_.lost());

@@ -9,8 +9,8 @@
 namespace tensionlab {
 namespace firmware {
 
-constexpr uint8_t kProtocol = 4;
-constexpr uint16_t kFirmware = 0x0003;  // major, minor: 0.3
+constexpr uint8_t kProtocol = 5;
+constexpr uint16_t kFirmware = 0x0004;  // major, minor: 0.4
 
 enum class Type : uint8_t {
   hello = 0x01,

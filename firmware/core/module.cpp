@@ -16,13 +16,23 @@ Actuators Module::step(const Sensors& sensors) {
   supervise(sensors);
   const bool on = pull(seconds, sensors.now_us);
   driven_ = on;
-  const float known = magnitude(monitor_.current());
-  budget_.advance(on ? larger(known, current_) : known, seconds, parameters_);
+  warm(sensors, on, seconds);
   if (telemetry_period_ms_ != 0 && since(sensors.now_us, telemetry_us_) >= 1000 * telemetry_period_ms_) {
     telemetry_us_ = sensors.now_us;
     send_telemetry(sensors);
   }
   return {on, current_, brake_.pulse_us(parameters_)};
+}
+
+void Module::warm(const Sensors& sensors, bool on, float seconds) {
+  constexpr float kMost = 20.0f;  // A: more is no current of this motor
+  const float known = smaller(magnitude(monitor_.current()), kMost);
+  heat_.advance(on ? larger(known, current_) : known, seconds, parameters_);
+  if (thermistor_.take(sensors.thermistor, parameters_)) {
+    if (thermistor_.state() == Thermistor::State::broken) log("thermistor: broken; goes on without it");
+    if (thermistor_.state() == Thermistor::State::shorted) log("thermistor: shorted; goes on without it");
+  }
+  if (thermistor_.state() == Thermistor::State::good) heat_.correct(thermistor_.temperature());
 }
 
 // Events that no command brings: faults, and time that is up.
@@ -67,13 +77,13 @@ bool Module::pull(float seconds, uint32_t now_us) {
       wanted = p[Parameter::brake_release_tension];
       reason = Limit::releasing;
     }
-    limiter_.advance(wanted, reason, cable, budget_.current_limit(p), seconds, p);
+    limiter_.advance(wanted, reason, cable, heat_.current_limit(p), seconds, p);
   } else if (state_ == State::fault || state_ == State::estop || monitor_.faults() != 0) {
     limiter_.cut();
   } else {
     on = !limiter_.fade(seconds, p);
   }
-  current_ = on ? current_for(limiter_.tension(), cable.speed, budget_.current_limit(p), p) : 0.0f;
+  current_ = on ? current_for(limiter_.tension(), cable.speed, heat_.current_limit(p), p) : 0.0f;
   return on;
 }
 

@@ -13,6 +13,7 @@
 #include "set_point.hpp"
 #include "supervisor.hpp"
 #include "thermal.hpp"
+#include "thermistor.hpp"
 
 namespace tensionlab {
 namespace firmware {
@@ -31,7 +32,8 @@ enum class Chore : uint8_t { none, store_parameters, align_encoder };
 
 class Module {
  public:
-  Module(uint32_t serial_number, ResetReason reason) : serial_number_(serial_number), reset_reason_(reason) {
+  Module(uint32_t serial_number, ResetReason reason, const DriverHeat& driver = DriverHeat{})
+      : serial_number_(serial_number), reset_reason_(reason), heat_(driver) {
     if (reset_reason_ != ResetReason::power) assume_hot();
   }
 
@@ -55,12 +57,18 @@ class Module {
   void log(const char* text);
 
   const Parameters& parameters() const { return parameters_; }
-  // Nobody knows how warm the winding is.
-  void assume_hot() { budget_.assume_spent(parameters_); }
+  // Nobody knows how warm motor and driver are; or it was kept over a reset.
+  void assume_hot() { heat_.assume_hot(parameters_); }
+  ThermalModel& heat() { return heat_; }
+  const ThermalModel& heat() const { return heat_; }
   // At start: takes over a stored image if it is whole. A brake for loads then holds what may hang on the cable.
   bool load(const uint8_t* image, size_t size) {
     if (!parameters_.read_image(image, size)) return false;
-    if (reset_reason_ != ResetReason::power) assume_hot();
+    if (reset_reason_ != ResetReason::power) {
+      assume_hot();
+    } else {
+      heat_.assume_cold(parameters_);
+    }
     brake_ = Brake(parameters_[Parameter::brake_on_fault] == 1.0f);
     return true;
   }
@@ -101,6 +109,7 @@ class Module {
   bool apply(Event event, uint32_t now_us);
   void supervise(const Sensors& sensors);
   bool pull(float seconds, uint32_t now_us);
+  void warm(const Sensors& sensors, bool on, float seconds);
   bool holds_load(bool active) const;
 
   static constexpr uint8_t kSessions = 32;
@@ -124,7 +133,8 @@ class Module {
 
   SetPoint set_point_;
   TensionLimiter limiter_;
-  ThermalBudget budget_;
+  ThermalModel heat_;
+  Thermistor thermistor_;
   Brake brake_;
   bool slipped_ = false;  // in the last step
   Monitor monitor_;

@@ -18,8 +18,9 @@ struct Sensors {
   // along the current, positive while the cable reels in; `across` is at right angles to it, where a rotor whose
   // electrical zero is known induces nothing. V; both 0 with the driver off.
   float induced, across;
-  float supply;     // V
-  bool encoder_ok;  // magnet, parity, error flag
+  float supply;      // V
+  float thermistor;  // on the motor's housing, ohm; of no meaning where none is fitted
+  bool encoder_ok;   // magnet, parity, error flag
 };
 
 // Bits of the fault word.

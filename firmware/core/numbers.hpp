@@ -31,6 +31,20 @@ inline float square_root(float x) {
   return root;
 }
 
+// Natural logarithm of a normal number above 0, off by at most 1e-6 of it or of 1.
+inline float natural_logarithm(float x) {
+  uint32_t bits;
+  memcpy(&bits, &x, sizeof bits);
+  const uint32_t shifted = bits - 0x3F3504F3u;  // below 1 / sqrt(2): so the rest lies around 1
+  const int32_t exponent = static_cast<int32_t>(shifted) >> 23;
+  bits -= static_cast<uint32_t>(exponent) << 23;
+  float rest;
+  memcpy(&rest, &bits, sizeof rest);
+  const float s = (rest - 1.0f) / (rest + 1.0f), square = s * s;
+  const float series = 1.0f + square * (1.0f / 3.0f + square * (1.0f / 5.0f + square * (1.0f / 7.0f)));
+  return 0.69314718f * static_cast<float>(exponent) + 2.0f * s * series;
+}
+
 // Sine of a whole turn times `turns`, for 0 <= turns < 1; off by at most 1e-5.
 inline float sine_of_turns(float turns) {
   const float half = turns < 0.5f ? turns : turns - 0.5f;

@@ -17,9 +17,16 @@ enum class Parameter : uint8_t {
   newton_per_ampere,
   friction_coulomb,
   friction_viscous,
-  current_continuous,
   current_peak,
-  thermal_time,
+  ambient,
+  winding_limit,
+  winding_resistance,
+  winding_to_housing,
+  housing_to_ambient,
+  winding_capacity,
+  housing_capacity,
+  thermistor_resistance,
+  thermistor_beta,
   speed_limit,
   length_lower,
   length_upper,
@@ -58,10 +65,18 @@ inline constexpr ParameterInfo kParameters[kParameterCount] = {
     {"newton_per_ampere", "N/A", 0.5f, 12.0f, 3.0f},
     {"friction_coulomb", "N", 0.0f, 2.0f, 0.0f},  // at the cable, against its motion
     {"friction_viscous", "N s/m", 0.0f, 5.0f, 0.0f},
-    {"current_continuous", "A", 0.1f, 2.0f, 1.0f},
     {"current_peak", "A", 0.1f, 3.0f, 2.2f},
-    {"thermal_time", "s", 1.0f, 300.0f, 20.0f},  // of the winding
-    {"speed_limit", "m/s", 0.1f, 10.0f, 1.5f},   // reeling in; at 1.4 times this the module faults
+    // On the warm side of what is known of the motor; README.md has the sources.
+    {"ambient", "°C", 0.0f, 50.0f, 30.0f},
+    {"winding_limit", "°C", 60.0f, 180.0f, 100.0f},
+    {"winding_resistance", "ohm", 0.05f, 50.0f, 3.0f},  // of a phase at 20 °C
+    {"winding_to_housing", "K/W", 0.2f, 50.0f, 4.6f},
+    {"housing_to_ambient", "K/W", 0.2f, 100.0f, 7.0f},
+    {"winding_capacity", "J/K", 0.2f, 500.0f, 2.4f},
+    {"housing_capacity", "J/K", 0.2f, 5000.0f, 27.0f},
+    {"thermistor_resistance", "ohm", 0.0f, 200000.0f, 0.0f},  // at 25 °C; 0: none
+    {"thermistor_beta", "K", 2000.0f, 6000.0f, 3950.0f},
+    {"speed_limit", "m/s", 0.1f, 10.0f, 1.5f},  // reeling in; at 1.4 times this the module faults
     {"length_lower", "m", 0.0f, 10.0f, 0.05f},
     {"length_upper", "m", 0.1f, 20.0f, 5.0f},
     {"spool_radius", "m", 0.005f, 0.1f, 0.0195f},
@@ -100,6 +115,20 @@ class Parameters {
 
   float operator[](Parameter index) const { return values_[static_cast<size_t>(index)]; }
 
+  // Power of a squared current in all three phases, in ohm, of a winding at some °C.
+  float copper(float celsius) const {
+    constexpr float kCopper = 0.00393f;  // 1/K, of its resistance at 20 °C
+    return 1.5f * (*this)[Parameter::winding_resistance] * (1.0f + kCopper * (celsius - 20.0f));
+  }
+
+  // The squared current that the winding stands for good, in A².
+  float continuous_square() const {
+    const Parameters& p = *this;
+    const float celsius = p[Parameter::winding_limit];
+    const float resistance = p[Parameter::winding_to_housing] + p[Parameter::housing_to_ambient];
+    return (celsius - p[Parameter::ambient]) / (resistance * copper(celsius));
+  }
+
   // Takes a value inside its bounds that agrees with the others; leaves all as it was otherwise.
   bool set(Parameter index, float value) {
     if (!allowed(index, value)) return false;
@@ -136,7 +165,7 @@ class Parameters {
 
  private:
   static constexpr uint32_t kMagic = 0x424C4E54;  // "TNLB"
-  static constexpr uint16_t kVersion = 1;
+  static constexpr uint16_t kVersion = 2;
 
   static bool allowed(Parameter index, float value) {
     const ParameterInfo& info = kParameters[static_cast<size_t>(index)];
@@ -146,10 +175,9 @@ class Parameters {
 
   bool consistent() const {
     const Parameters& p = *this;
-    // The minimum tension can be held continuously.
-    const float forever = p[Parameter::current_continuous] * p[Parameter::newton_per_ampere];
-    return p[Parameter::tension_lower] <= p[Parameter::tension_upper] && p[Parameter::tension_lower] <= forever &&
-           p[Parameter::current_continuous] <= p[Parameter::current_peak] &&
+    // The minimum tension can be held for good.
+    const float lowest = p[Parameter::tension_lower] / p[Parameter::newton_per_ampere];
+    return p[Parameter::tension_lower] <= p[Parameter::tension_upper] && lowest * lowest <= continuous_square() &&
            p[Parameter::length_lower] < p[Parameter::length_upper] &&
            p[Parameter::supply_lower] < p[Parameter::supply_upper];
   }

@@ -43,6 +43,7 @@ void judge(const Row& row, Story& story, Finding& finding) {
   }
   if (row.says != nullptr && host.log.find(row.says) == std::string::npos) wrong = "it said something else";
   if (!story.accepted) wrong = "a command was refused";
+  if (story.hottest > 105.0) wrong = "the winding got too warm";  // class A
   finding.tension = story.most_tension;
   if (wrong == nullptr && finding.seconds > row.within_s) wrong = "noticed too late";
   if (wrong == nullptr && finding.tension > row.most_n + 1e-9) wrong = "pulled too much";

@@ -46,8 +46,8 @@ void at_work(Story& story, double tension, bool moving, double seconds, const Ha
 }
 
 void cut(Story& story, double tension) {
-  if (tension > 2.0) story.thermal_time = 2.0;  // so that the winding is soon taken for cold
-  story.boot(tension > 2.0 ? 1.5 : 0.4);
+  story.kept = true;  // that the winding is cold
+  story.boot();
   story.pull(tension);
   story.begin();
   story.plant().spool().cut = true;
@@ -160,11 +160,16 @@ void shift_offset(Story& story, bool at_start) {
   story.watch(0.6);
 }
 
-void power_cycle(Story& story) {
-  story.boot(0.4);
+void six_newtons(Story& story, double rest, double seconds) {
+  story.boot(rest);
+  story.pull(6.0, 0.2);
   story.begin();
-  story.pull(6.0, 0.0);
-  story.watch(3.0);
+  story.watch(seconds);
+}
+
+void thermistor_fails(Story& story, double factor) {
+  story.thermistor = true;
+  at_work(story, 2.5, true, 1.0, [&] { story.plant().faults.thermistor = factor; });
 }
 
 void brake_stays_open(Story& story) {
@@ -216,7 +221,7 @@ const Row kRows[] = {
      [](Story& story) { cut(story, 1.0); }},
     {"The cable is cut at 3 N", "driver off", Outcome::let_go, kFaultSpeed, 0.05, 0.0,
      [](Story& story) { cut(story, 3.0); }},
-    {"The cable is cut at 6 N", "driver off", Outcome::let_go, kFaultSpeed, 0.05, 0.0,
+    {"The cable is cut at 6 N", "driver off", Outcome::let_go, kFaultSpeed | kFaultMotor, 0.05, 0.0,
      [](Story& story) { cut(story, 6.0); }},
     {"`motor_direction` is wrong, 3 N, either way round", "driver off", Outcome::let_go, kFaultSpeed | kFaultMotor,
      0.1, 1.0, [](Story& story) { wrong_direction(story, 3.0); }},
@@ -278,7 +283,38 @@ const Row kRows[] = {
     {"The radio shifts the converter by 25 mV while the module pulls 2 N", "continues: cannot be detected",
      Outcome::goes_on, 0, 0.0, 2.5, [](Story& story) { shift_offset(story, false); }, 1.5},
     {"Power off and on with a hot winding; then 6 N are asked for", "continues with the continuous current",
-     Outcome::goes_on, 0, 0.0, 3.6, power_cycle},
+     Outcome::goes_on, 0, 0.0, 3.6,
+     [](Story& story) {
+       story.winding = Story::Warmth::hot;
+       six_newtons(story, 0.4, 3.0);
+     },
+     2.0},
+    {"A restart with a hot winding; then 6 N are asked for",
+     "continues with the continuous current: the temperature is kept", Outcome::goes_on, 0, 0.0, 3.6,
+     [](Story& story) {
+       story.winding = Story::Warmth::hot;
+       story.kept = true;
+       six_newtons(story, 0.4, 3.0);
+     },
+     2.0},
+    {"A restart with a cold winding; then 6 N are asked for", "continues with 6 N: the temperature is kept",
+     Outcome::goes_on, 0, 0.0, 6.5,
+     [](Story& story) {
+       story.kept = true;
+       six_newtons(story, 0.4, 3.0);
+     },
+     4.4},
+    {"Power off and on with a cold winding and a thermistor; then 6 N are asked for",
+     "continues with 6 N after 6 s of rest", Outcome::goes_on, 0, 0.0, 6.5,
+     [](Story& story) {
+       story.thermistor = true;
+       six_newtons(story, 6.0, 0.8);
+     },
+     4.4},
+    {"The thermistor's wire breaks", "reports it, continues with the estimate", Outcome::reports, 0, 0.15, 4.0,
+     [](Story& story) { thermistor_fails(story, INFINITY); }, 0.0, "thermistor: broken"},
+    {"The thermistor is shorted", "reports it, continues with the estimate", Outcome::reports, 0, 0.15, 4.0,
+     [](Story& story) { thermistor_fails(story, 0.0); }, 0.0, "thermistor: shorted"},
     {"The brake is stuck open; a hand pulls at 0.2 m/s", "reports it, continues with 1 N", Outcome::reports, 0,
      0.15, 1.6, brake_stays_open, 0.4, "brake: on, but the cable pays out"},
     {"The brake is stuck closed; a hand pulls 6 mm",

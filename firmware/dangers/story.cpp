@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "esp32/kept_heat.hpp"
 #include "fakes/tasks.hpp"
 
 namespace tensionlab {
@@ -31,7 +32,7 @@ double converter_slope(const plant::SensingParameters& p) {
 
 Story::Story(std::uint64_t seed, int shield) : hardware(plant::with_shield(shield)), random_(seed + 1) {
   plant::PlantParameters& p = hardware.plant;
-  p.resistance = between(2.5, 3.4);  // GM3506, cold to hot
+  p.resistance = between(2.5, 3.0);  // GM3506, at 20 °C
   p.inductance = between(0.5e-3, 2e-3);
   p.torque_constant = between(0.050, 0.0585);
   p.inertia = between(1.0e-5, 1.5e-5);
@@ -70,6 +71,7 @@ void Story::boot(double seconds) {
   board.tick_us = static_cast<std::uint32_t>(between(1000.0, 4000.0));
   board.radio_shift = between(-0.025, 0.025);
   plant().spool().cut = true;
+  warm();
   running = this;
   board.on_turn = [] { running->note_turn(); };
   setup();
@@ -94,9 +96,19 @@ void Story::set_parameters() {
   host_.set_parameter(Parameter::motor_direction, hardware.way * direction_error);
   host_.set_parameter(Parameter::motor_zero, zero - tau * std::floor(zero / tau));
   host_.set_parameter(Parameter::speed_limit, speed_limit);
-  host_.set_parameter(Parameter::thermal_time, thermal_time);
+  if (thermistor) host_.set_parameter(Parameter::thermistor_resistance, 1e4);
   host_.calibrate(Calibration::newton_per_ampere, newton_per_ampere);
   host_.calibrate(Calibration::length, kLength);
+}
+
+void Story::warm() {
+  firmware::ThermalModel estimate(firmware::board::kDriverHeat);
+  if (winding == Warmth::hot) {
+    estimate.assume_hot(firmware::Parameters());
+    plant().heat().winding = static_cast<double>(estimate.winding());
+    plant().heat().housing = static_cast<double>(estimate.housing());
+  }
+  if (kept) firmware::keep_heat(estimate);
 }
 
 void Story::pull(double newtons, double seconds) {
@@ -160,6 +172,7 @@ void Story::note_turn() {
   constexpr double kMinimum = 0.95;  // N: the minimum tension, and what friction adds to it
   const double now = plant().spool().tension();
   most_tension = std::max(most_tension, now);
+  hottest = std::max(hottest, plant().heat().winding);
   least_tension = std::min(least_tension, now);
   if (now > kMinimum) weak_after = seconds();
   driven_ = driven_ || plant().enabled;

@@ -31,9 +31,12 @@ class Story {
   double zero_error = 0.0;       // of the setting motor_zero, rad
   double direction_error = 1.0;  // of the setting motor_direction
   bool by_bluetooth = false;
-  double speed_limit = 1.5;    // m/s
-  double thermal_time = 20.0;  // s
-  bool set_up = true;          // a host sets the parameters, or they stay the standard ones
+  double speed_limit = 1.5;  // m/s
+  bool set_up = true;        // a host sets the parameters, or they stay the standard ones
+  bool thermistor = false;   // is fitted
+  // Of the winding, and what is kept of it in memory that survives a reset; nothing after a loss of power.
+  enum class Warmth { cold, hot } winding = Warmth::cold;
+  bool kept = false;
 
   // Boots, rests for `seconds`, and takes the settings. The cable is held taut from then on.
   void boot(double seconds = 0.4);
@@ -63,12 +66,14 @@ class Story {
   double reported_after = -1.0;                    // s until a line of text came
   double weak_after = 0.0;                         // s until it pulled no more than the minimum tension
   double most_tension = 0.0, least_tension = 1e9;  // N
+  double hottest = 0.0;                            // winding, °C
   bool accepted = true;                            // all that the host had said before
 
  private:
   void set_parameters();
   void advance(double seconds);
   void note_turn();
+  void warm();
 
   plant::Noise random_;
   Host host_{fakes::board.usb, 77};

@@ -28,6 +28,11 @@ constexpr Pin kClock = 18, kFromEncoder = 19, kToEncoder = 23, kSelectEncoder = 
 constexpr uint32_t kConversionTime = 100;    // us at most; a conversion takes 10
 constexpr uint32_t kEncoderClock = 8000000;  // Hz; the chip takes 10 MHz
 
+// A thermistor on the motor's housing, if there is one (parameter thermistor_resistance): from here to ground,
+// with 100 nF beside it, which this pin needs because the converter disturbs it.
+constexpr Pin kThermistor = 36;
+constexpr float kThermistorPullUp = 10000.0f;  // ohm, from here to 3.3 V
+
 // The board's own button (BOOT): pressed while nothing pulls, it lets strangers pair for a while.
 constexpr Pin kPairButton = 0;
 #ifndef TENSIONLAB_PAIRING_S
@@ -42,7 +47,8 @@ constexpr uint8_t kServoBits = 16;
 
 // Motor (GM3506) and its control.
 constexpr int kPolePairs = 11;
-constexpr float kPhaseResistance = 2.8f;      // ohm
+constexpr float kPhaseResistance = 2.8f;      // ohm, at 20 °C
+constexpr float kWarmResistance = 3.2f;       // ohm, at 60 °C: between a cold winding and one at its limit
 constexpr float kPhaseInductance = 0.00125f;  // H: 0.5 to 2 mH, by type and angle
 constexpr float kNominalSupply = 12.0f;       // V
 constexpr float kVoltageLimit = 6.9f;         // V across a phase: the supply over the square root of 3

@@ -10,6 +10,7 @@
 #include "alignment.hpp"
 #include "board.hpp"
 #include "brake_servo.hpp"
+#include "kept_heat.hpp"
 #include "link.hpp"
 #include "settings.hpp"
 #include "winch.hpp"
@@ -47,11 +48,11 @@ void set_watchdog(bool driven) {
 
 class Firmware {
  public:
-  Firmware() : module_(serial_number(), reset_reason()) {}
+  Firmware() : module_(serial_number(), reset_reason(), board::kDriverHeat) {}
 
   void begin() {
     if (!load_settings(module_)) module_.log("no settings in flash: standard ones");
-    module_.assume_hot();  // after power off and on, too: the winding may have had no time to cool
+    recall_heat(module_);
     if (!servo_.begin()) module_.log("servo: no channel");
     if (!winch_.begin()) module_.log("motor: driver or current sensing did not start");
     if (!link_.begin(serial_number())) module_.log("link: Bluetooth or a task did not start");
@@ -70,6 +71,7 @@ class Firmware {
     link_.allow_pairing(module_.state() == State::idle && !guarded_);
     winch_.apply(actuators, module_.parameters());
     servo_.move(actuators.brake_pulse_us);
+    if (turns_++ % 64 == 0) keep_heat(module_.heat());
     do_chore(sensors);
     const size_t room = link_.room();
     link_.send(bytes, module_.transmit(bytes, room < sizeof bytes ? room : sizeof bytes));
@@ -142,6 +144,7 @@ class Firmware {
   Link link_;
   std::optional<Alignment> alignment_;
   bool guarded_ = false;
+  uint8_t turns_ = 0;
 };
 
 void turn_forever(void* firmware) {

@@ -47,7 +47,7 @@ bool Winch::begin() {
   sense_.gain_a *= board::kSenseSignA;
   sense_.gain_b *= board::kSenseSignB;
   motor_.linkCurrentSense(&sense_);
-  _configureADCInline(nullptr, board::kSupply, _NC);
+  _configureADCInline(nullptr, board::kSupply, board::kThermistor);
 
   // Both known, so that SimpleFOC moves nothing to find them; the true zero is set before each start.
   motor_.sensor_direction = Direction::CW;
@@ -60,12 +60,12 @@ bool Winch::begin() {
 Sensors Winch::turn(const Parameters& parameters) {
   motor_.loopFOC();
   motor_.move(target_);
-  if (turns_++ % 8 == 0) measure_supply();
+  measure_slowly();
   rested_ = on_ || held_ ? 0 : (rested_ < kRest ? rested_ + 1 : kRest);
   if (rested_ == kRest) sense_.follow_offsets();
   const float sign = pull_sign(parameters), share = supply_ / board::kNominalSupply;
   const float q = motor_.current.q, d = motor_.current.d;
-  const float resistance = board::kPhaseResistance + board::kBridgeResistance;
+  const float resistance = board::kWarmResistance + board::kBridgeResistance;
   const float reactance = board::kPhaseInductance * board::kPolePairs * motor_.shaft_velocity;
   // What resistance and inductance leave of the voltages.
   const float induced = share * motor_.voltage.q - resistance * q - reactance * d;
@@ -73,10 +73,11 @@ Sensors Winch::turn(const Parameters& parameters) {
   return {static_cast<uint32_t>(micros()),
           encoder_.getAngle(),
           motor_.shaft_velocity,
-          !sense_.ok() ? NAN : (on_ ? sign * q : 0.0f),
+          !sense_.ok() ? NAN : (on_ ? sign * q : held_current_),
           on_ ? sign * induced : 0.0f,
           on_ ? across : 0.0f,
           supply_,
+          thermistor_,
           started_ && encoder_.ok()};
 }
 
@@ -99,10 +100,17 @@ void Winch::apply(const Actuators& actuators, const Parameters& parameters) {
   on_ = true;
 }
 
-// What the converter does not tell is no number, which the core takes for a fault.
-void Winch::measure_supply() {
+// Supply and thermistor in turn. What the converter does not tell is no number, which the core takes for a fault.
+void Winch::measure_slowly() {
+  constexpr float kFull = 3.3f;  // V
   float volts = 0.0f;
-  supply_ = convert(board::kSupply, volts) ? board::kSupplyDivider * volts : NAN;
+  const uint8_t turn = turns_++ % 8;
+  if (turn == 0) supply_ = convert(board::kSupply, volts) ? board::kSupplyDivider * volts : NAN;
+  if (turn == 4) {
+    thermistor_ = convert(board::kThermistor, volts) && volts < kFull
+                      ? board::kThermistorPullUp * volts / (kFull - volts)
+                      : NAN;
+  }
 }
 
 void Winch::hold(const Alignment::Wanted& wanted) {
@@ -115,6 +123,7 @@ Alignment::Measured Winch::measure_alignment() {
   const ABCurrent_s current = sense_.getABCurrents(sense_.getPhaseCurrents());
   // As they would be at the nominal supply, for which the voltages are meant.
   const float share = board::kNominalSupply / larger(supply_, 1.0f);
+  held_current_ = square_root(current.alpha * current.alpha + current.beta * current.beta);
   return {encoder_.getAngle(), share * current.alpha, share * current.beta};
 }
 
@@ -122,6 +131,7 @@ void Winch::let_go() {
   digitalWrite(board::kEnable, LOW);
   motor_.disable();
   on_ = enabled_ = held_ = false;
+  held_current_ = 0.0f;
 }
 
 }  // namespace firmware

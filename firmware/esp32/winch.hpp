@@ -44,7 +44,7 @@ class Winch {
   void let_go();
 
  private:
-  void measure_supply();
+  void measure_slowly();
 
   static constexpr int32_t kRest = 200;  // until no current flows any more
 
@@ -52,7 +52,8 @@ class Winch {
   BLDCDriver3PWM driver_{board::kPhaseA, board::kPhaseB, board::kPhaseC};
   CurrentSensor sense_;
   SpoolEncoder encoder_;
-  float supply_ = 0.0f, target_ = 0.0f;
+  float supply_ = 0.0f, thermistor_ = 0.0f, target_ = 0.0f;
+  float held_current_ = 0.0f;  // while the electrical zero is looked for, A
   uint8_t turns_ = 0;
   int32_t rested_ = 0;  // turns since the driver went off, up to kRest
   uint32_t enabled_us_ = 0;

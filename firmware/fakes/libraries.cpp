@@ -66,7 +66,10 @@ void digitalWrite(uint8_t pin, uint8_t value) {
   board.on_event("driver", value);
 }
 int digitalRead(uint8_t) { return board.pressed ? LOW : HIGH; }
-int8_t digitalPinToAnalogChannel(uint8_t pin) { return pin == pins::kSupply ? 4 : (pin == pins::kSenseA ? 6 : 7); }
+int8_t digitalPinToAnalogChannel(uint8_t pin) {
+  if (pin == pins::kThermistor) return 0;
+  return pin == pins::kSupply ? 4 : (pin == pins::kSenseA ? 6 : 7);
+}
 unsigned long micros() { return static_cast<uint32_t>(now_us() + board.clock_us); }
 void delayMicroseconds(uint32_t) {}
 bool ledcAttach(uint8_t, uint32_t, uint8_t) { return true; }
@@ -203,9 +206,11 @@ uint32_t GET_PERI_REG_MASK(uint32_t, uint32_t) {
   return board.hardware->faults.converter ? 0 : 1;
 }
 uint32_t GET_PERI_REG_BITS2(uint32_t, uint32_t, int) {
+  using Input = CurrentSensing::Input;
   const uint32_t pad = tensionlab::fakes::pad;
-  const CurrentSensing::Input input =
-      pad == 1u << 4 ? CurrentSensing::Input::supply
-                     : (pad == 1u << 6 ? CurrentSensing::Input::phase_a : CurrentSensing::Input::phase_b);
+  const Input input = pad == 1u        ? Input::thermistor
+                      : pad == 1u << 4 ? Input::supply
+                      : pad == 1u << 6 ? Input::phase_a
+                                       : Input::phase_b;
   return static_cast<uint32_t>(board.hardware->convert(input));
 }

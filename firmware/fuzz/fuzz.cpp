@@ -224,6 +224,12 @@ class Bench {
     require(found.read_image(image, sizeof image), "what was stored can be loaded");
     image[script_.byte() % sizeof image] ^= static_cast<uint8_t>(1u << script_.below(8));
     require(!found.read_image(image, sizeof image), "damaged settings are refused");
+    uint8_t heat[ThermalModel::kImageSize];
+    module_.heat().write_image(heat);
+    ThermalModel kept{DriverHeat{}};
+    require(kept.read_image(heat), "kept temperatures come back");
+    heat[script_.byte() % sizeof heat] ^= static_cast<uint8_t>(1u << script_.below(8));
+    require(!kept.read_image(heat), "damaged temperatures are refused");
   }
 
   void close() {
@@ -310,7 +316,7 @@ class Bench {
 
   Script& script_;
   Module module_;
-  Sensors sensors_ = {0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 12.0f, true};
+  Sensors sensors_ = {0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 12.0f, 10000.0f, true};
   FrameParser answers_;
   uint32_t now_ = 0, last_life_ = 0;
   uint16_t session_ = 0;

@@ -8,6 +8,7 @@
 #include "bridge.hpp"
 #include "current_sensing.hpp"
 #include "encoder_chip.hpp"
+#include "heat.hpp"
 #include "spool.hpp"
 #include "supply.hpp"
 
@@ -35,6 +36,7 @@ struct HardwareFaults {
   bool driver = false;         // gives no voltage
   bool servo = false;          // does not move
   bool converter = false;      // does not answer
+  double thermistor = 1.0;     // factor of its resistance: infinite where a wire is off, 0 where two touch
   bool frozen = false;         // the encoder sends the same angle for ever
   int stuck = -1;              // 0 or 1: the encoder's data line stays there
   double garbled = 0.0;        // share of the encoder's frames of which a bit is wrong
@@ -49,6 +51,7 @@ class Hardware {
         noise_(seed),
         spool_(parameters.plant, distance),
         supply_(parameters.supply),
+        heat_(parameters.plant),
         sensing_(parameters.sensing, seed + 1) {}
 
   // The far end of the cable moves on at `speed` m/s.
@@ -68,7 +71,9 @@ class Hardware {
     return faults.stuck == 0 ? 0x0000 : 0xFFFF;
   }
 
-  int convert(CurrentSensing::Input input) { return sensing_.convert(input, motor_.current(), supply_.voltage()); }
+  int convert(CurrentSensing::Input input) {
+    return sensing_.convert(input, {motor_.current(), supply_.voltage(), faults.thermistor * heat_.thermistor()});
+  }
 
   // The cable's end goes where the cable is just taut.
   void take_up_slack() { distance_ = spool_.out(); }
@@ -76,12 +81,8 @@ class Hardware {
   double distance() const { return distance_; }  // of the cable's end, m
   const Spool& spool() const { return spool_; }
   double supply_voltage() const { return supply_.voltage(); }
-  double copper_loss() const {  // W
-    const Vector& current = motor_.current();
-    return 1.5 * p_.plant.resistance * (current.alpha * current.alpha + current.beta * current.beta);
-  }
-
   Supply& supply() { return supply_; }
+  Heat& heat() { return heat_; }
   GimbalMotor& motor() { return motor_; }
   CurrentSensing& sensing() { return sensing_; }
   Spool& spool() { return spool_; }
@@ -104,9 +105,10 @@ class Hardware {
     const bool on = enabled && enabled_for_ > p_.wake_time && !faults.driver;
     const Vector voltage =
         bridge_voltage(duties, motor_.current(), supply_.voltage(), p_.bridge_resistance, p_.dead_share);
-    motor_.advance(on ? &voltage : nullptr, electrical, electrical_speed, plant.resistance, plant.inductance, flux,
-                   seconds);
+    motor_.advance(on ? &voltage : nullptr, electrical, electrical_speed, heat_.resistance(), plant.inductance,
+                   flux, seconds);
     const Vector& current = motor_.current();
+    heat_.advance(current.alpha * current.alpha + current.beta * current.beta, on, seconds);
     const double power = on ? 1.5 * (voltage.alpha * current.alpha + voltage.beta * current.beta) : 0.0;
     supply_.advance(power / std::fmax(supply_.voltage(), 1.0), seconds);
     distance_ += speed * seconds;
@@ -130,6 +132,7 @@ class Hardware {
   Noise noise_;
   Spool spool_;
   Supply supply_;
+  Heat heat_;
   CurrentSensing sensing_;
   GimbalMotor motor_;
   EncoderChip chip_;

@@ -13,6 +13,8 @@ struct PlantParameters {
   double stiffness, damping, cable_strength;
   double brake_strength, tooth, servo_time;
   double encoder_counts, encoder_noise, speed_filter, current_noise, current_count, supply_noise;
+  double ambient, winding_to_housing, housing_to_ambient, winding_capacity, housing_capacity;
+  double driver_resistance, driver_idle_power, driver_to_ambient, driver_capacity;
 };
 
 struct PlantInfo {
@@ -24,7 +26,7 @@ struct PlantInfo {
 };
 
 inline constexpr PlantInfo kPlantTable[] = {
-    {"resistance", &PlantParameters::resistance, "ohm", 0.01, 2.8, "of a motor phase; GM3506 data sheet"},
+    {"resistance", &PlantParameters::resistance, "ohm", 0.01, 2.8, "of a motor phase at 20 °C; GM3506 data sheet"},
     {"inductance", &PlantParameters::inductance, "H", 1e-6, 1.0e-3, "of a motor phase; estimate"},
     {"torque_constant", &PlantParameters::torque_constant, "N m/A", 1e-4, 0.0585, "8.3 / KV at KV 142"},
     {"zero_error", &PlantParameters::zero_error, "rad", -6.3, 0.0,
@@ -50,6 +52,18 @@ inline constexpr PlantInfo kPlantTable[] = {
     {"current_noise", &PlantParameters::current_noise, "A", 0.0, 0.005, "standard deviation; estimate"},
     {"current_count", &PlantParameters::current_count, "A", 1e-6, 0.0016, "a count: 3.3 A either way in 12 bits"},
     {"supply_noise", &PlantParameters::supply_noise, "V", 0.0, 0.05, "standard deviation; estimate"},
+    {"ambient", &PlantParameters::ambient, "°C", -20.0, 25.0, "of the room"},
+    // No data sheet of a gimbal motor has these: they are those of a motor of the same size.
+    {"winding_to_housing", &PlantParameters::winding_to_housing, "K/W", 0.1, 3.96,
+     "of a motor of this size: maxon EC 45 flat, 30 W, data sheet of 2012"},
+    {"housing_to_ambient", &PlantParameters::housing_to_ambient, "K/W", 0.1, 5.7, "the same"},
+    {"winding_capacity", &PlantParameters::winding_capacity, "J/K", 0.1, 2.9, "the same: 11.5 s over 3.96 K/W"},
+    {"housing_capacity", &PlantParameters::housing_capacity, "J/K", 0.1, 32.0,
+     "estimate: 251 s over 5.7 K/W would be 44, of a heavier motor"},
+    {"driver_resistance", &PlantParameters::driver_resistance, "ohm", 0.0, 0.3, "of a switch at 25 °C; L6234"},
+    {"driver_idle_power", &PlantParameters::driver_idle_power, "W", 0.0, 0.2, "with switching; estimate"},
+    {"driver_to_ambient", &PlantParameters::driver_to_ambient, "K/W", 0.1, 30.0, "with its copper; estimate"},
+    {"driver_capacity", &PlantParameters::driver_capacity, "J/K", 0.01, 1.5, "with its copper; estimate"},
 };
 
 inline PlantParameters standard_plant() {

@@ -7,6 +7,7 @@
 
 #include "../core/module.hpp"
 #include "current_control.hpp"
+#include "heat.hpp"
 #include "noise.hpp"
 #include "spool.hpp"
 
@@ -36,7 +37,7 @@ inline constexpr PartInfo kParts[] = {{"encoder", &Breakage::encoder},
 class Plant {
  public:
   Plant(const PlantParameters& parameters, double distance, std::uint64_t seed)
-      : p_(parameters), noise_(seed), spool_(parameters, distance) {}
+      : p_(parameters), noise_(seed), spool_(parameters, distance), heat_(parameters) {}
 
   // The far end of the cable is `distance` m from the module, moving at `speed` m/s.
   void place_end(double distance, double speed) { spool_.place_end(distance, speed); }
@@ -57,7 +58,7 @@ class Plant {
     const double supply = (broken.supply ? 5.0 : p_.supply) + p_.supply_noise * noise_.normal();
     const double current = control_.current_q() + p_.current_noise * noise_.normal();
     const double share = supply / static_cast<double>(firmware::board::kNominalSupply);
-    const double resistance = static_cast<double>(firmware::board::kPhaseResistance);
+    const double resistance = static_cast<double>(firmware::board::kWarmResistance);
     const double reactance = static_cast<double>(firmware::board::kPhaseInductance) * electrical_speed_;
     const double d = control_.current_d();
     const double induced = share * control_.voltage_q() - resistance * current - reactance * d;
@@ -69,6 +70,7 @@ class Plant {
             on_ ? static_cast<float>(induced) : 0.0f,
             on_ ? static_cast<float>(across) : 0.0f,
             static_cast<float>(supply),
+            static_cast<float>(heat_.thermistor()),
             !broken.encoder};
   }
 
@@ -76,6 +78,7 @@ class Plant {
   double align() { return std::exchange(p_.zero_error, 0.0); }
 
   const Spool& spool() const { return spool_; }
+  const Heat& heat() const { return heat_; }
   double current() const { return current_; }  // of the motor, as it is asked for, A
 
   Breakage broken;
@@ -94,8 +97,10 @@ class Plant {
     Duties duties{};
     if (on_) duties = control_.advance(static_cast<double>(wanted.current), motor_.current(), angle, seconds);
     const Vector voltage = duties.voltage(supply);
-    motor_.advance(on_ && !broken.motor ? &voltage : nullptr, rotor, electrical_speed_, p_.resistance,
+    motor_.advance(on_ && !broken.motor ? &voltage : nullptr, rotor, electrical_speed_, heat_.resistance(),
                    p_.inductance, flux, seconds);
+    const Vector& current = motor_.current();
+    heat_.advance(current.alpha * current.alpha + current.beta * current.beta, on_, seconds);
     current_ = motor_.along_q(angle);
     torque_current_ = way_ * motor_.along_q(rotor);
   }
@@ -118,6 +123,7 @@ class Plant {
   PlantParameters p_;
   Noise noise_;
   Spool spool_;
+  Heat heat_;
   GimbalMotor motor_;
   CurrentControl control_;
   bool on_ = false;  // the bridge

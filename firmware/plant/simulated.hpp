@@ -11,7 +11,7 @@ namespace plant {
 
 // One line of a trace, after a step.
 struct Sample {
-  double seconds, distance, length, tension, commanded, current, brake_force;
+  double seconds, distance, length, tension, commanded, current, brake_force, winding, estimated_winding;
   int state, limit;
   bool driver_on, pawl_down;
 };
@@ -21,7 +21,7 @@ class SimulatedModule {
   // distance: of the far end at the start, m; the module's clock starts at start_us.
   SimulatedModule(std::uint32_t serial_number, const PlantParameters& parameters, double distance,
                   std::uint64_t seed, std::uint32_t start_us, firmware::ResetReason reason)
-      : module_(serial_number, reason),
+      : module_(serial_number, reason, firmware::board::kDriverHeat),
         plant_(parameters, distance, seed),
         distance_(distance),
         now_us_(start_us) {}
@@ -73,6 +73,8 @@ class SimulatedModule {
             static_cast<double>(module_.tension()),
             plant_.current(),
             plant_.spool().brake_force(),
+            plant_.heat().winding,
+            static_cast<double>(module_.heat().winding()),
             static_cast<int>(module_.state()),
             static_cast<int>(module_.limit()),
             actuators_.driver_on,

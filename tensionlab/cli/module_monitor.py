@@ -32,7 +32,7 @@ SILENCE_S = 1.0  # age of a run's latest cycle from which on its process is look
 # Columns of `monitor`.
 TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current", "A", ".2f"),
              Column("length", "m", ".3f"), Column("speed", "m/s", "+.2f"), "limit", "faults",
-             Column("heat", "%", ".0f"), Column("supply", "V", ".1f"), Column("age", "ms", ".0f"),
+             Column("winding", "°C", ".0f"), Column("supply", "V", ".1f"), Column("age", "ms", ".0f"),
              "damaged", "lost")  # fmt: skip
 # Columns of `ping`.
 PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
@@ -179,7 +179,7 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
         damaged = report.bad_frames + message.bad_frames
         rows.append(
             [each.name, message.state.name.lower(), message.tension, message.current, message.length,
-             message.speed, limit, named or "–", 100.0 * message.thermal, message.supply, 1e3 * report.age,
+             message.speed, limit, named or "–", message.winding, message.supply, 1e3 * report.age,
              damaged, message.lost_frames]
         )  # fmt: skip
     notes = [f"{limit.name.lower()}: {limit.meaning}" for limit in sorted(limits - {Limit.NONE})]

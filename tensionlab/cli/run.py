@@ -156,7 +156,7 @@ def live_table(runner: Runner) -> RenderableType:
             limit, now = Limit.NONE, f"lost {Fault(int(state.faults[index])).name or ''}"
         rows.append((module.name, cycle.commanded[index], state.tensions[index],
                      "–" if limit is Limit.NONE else limit.name.lower(), now,
-                     100.0 * state.thermal[index], 1e3 * state.ages[index]))  # fmt: skip
+                     state.windings[index], 1e3 * state.ages[index]))  # fmt: skip
     jitter, compute = (format_duration(times[1]) for times in statistics.percentiles().values())
     notes = f"{statistics.answers} · compute time {compute} (p99)"
     notes += f" · start jitter {jitter}" * statistics.in_real_time
@@ -164,7 +164,7 @@ def live_table(runner: Runner) -> RenderableType:
         notes += f" · {statistics.missed} deadlines missed"
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {wrenches.get('desired', 'taut cables')}"
     columns = ["module", Column("commanded", "N", ".2f"), Column("measured", "N", ".2f"), "limited by", "state",
-               Column("heat", "%", ".0f"), Column("age", "ms", ".0f")]  # fmt: skip
+               Column("winding", "°C", ".0f"), Column("age", "ms", ".0f")]  # fmt: skip
     return output.styled(Table(columns, rows, f"{title}, measured {wrenches['measured']}", [notes]))
 
 

@@ -142,7 +142,7 @@ def _check_sensors(client: ModuleClient) -> Iterator[Check]:
     yield _judged("supply", f"{volts:.1f} V", deaf or (wrong if Fault.SUPPLY in faults else ""))
     slow = (slowest > SLOW_LOOP_US or Fault.LOOP in faults) and not deaf  # which makes it slow
     yield _judged("loop", f"{slowest:.0f} us", "loop" if slow else "")
-    yield _judged("winding", f"{100.0 * reports[-1].thermal:.0f} % of its budget spent")
+    yield _judged("winding", f"{reports[-1].winding} °C, as estimated")
     others = faults & ~(Fault.ENCODER | Fault.SUPPLY | Fault.LOOP)
     if others and not finding and not deaf:
         yield _judged("faults", str(others.name), "fault", meaning=_describe(others), url=client.link.url)

@@ -22,7 +22,7 @@ from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, InputError, LogError
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.protocol.codes import PARAMETERS, Limit
+from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.hardware.runner.records import DEMAND_STOPPED, Statistics
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
@@ -40,12 +40,12 @@ from tensionlab.validation.error_model import PRESETS, draw_errors, require_poin
 from tensionlab.validation.sensors import ForceSensor, simulated_setup
 
 NO_LIMIT = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)  # limiters that are not a module's own
-CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].default  # continuous rating of a winding's current
+CONTINUOUS_CURRENT_A = 1.0  # about what a winding bears for good: the tables of firmware/README.md
 AXIS_FORCES = 3  # number of forces along the axes, which come first
 ZERO_S = 1.0  # time for which the sensor is averaged with all motors off
-# Shares of a winding's heat budget: above the first, modules rest before a force that needs more than the
-# continuous current, until the second. 6 N take 0.17 of the budget in a second, and can be rendered up to 0.7.
-HOT, COOL = 0.5, 0.4
+# Temperatures of a winding: above the first, modules rest before a force that needs more than the continuous
+# current, until the second. A second of 6 N warms it by 9 K, and they can be rendered up to 84 °C.
+HOT_C, COOL_C = 70.0, 62.0
 EARLY_S = 1e-6  # time by which a cycle may begin too early
 JOURNAL_FILE = "measurements.jsonl"
 FORMAT = "tensionlab validation 2"
@@ -125,9 +125,9 @@ class ForceSequence:
     def __call__(self, state: RigState) -> Demand:
         """Return the demand of this cycle; drop the samples of the time in which tensions moved."""
         now = state.time + EARLY_S
-        heat = float(np.nanmax(state.thermal, initial=0.0))
+        winding = float(np.nanmax(state.windings, initial=0.0))
         if self._resting:
-            if heat > COOL:
+            if winding > COOL_C:
                 return Demand()
             self._rested += now - self._since
             self._resting, self._since = False, now
@@ -138,7 +138,7 @@ class ForceSequence:
             self._since += self._protocol.hold
             if self._number == len(self._demands):
                 return Demand(stop=True)
-            if heat > HOT and self._heating[self._number]:
+            if winding > HOT_C and self._heating[self._number]:
                 self._resting, self._since = True, now
                 return Demand()
         if not self._settled and now >= self._since + self._protocol.settle:

@@ -24,8 +24,8 @@ int main() {
     const float angle = number(), speed = number(), current = number(), induced = number(), across = number();
     const float supply = number(), ok = number();
     const float commanded = number();
-    const float seconds = monitor.take({now_us, angle, speed, current, induced, across, supply, ok != 0.0f}, true,
-                                       commanded, parameters);
+    const float seconds = monitor.take({now_us, angle, speed, current, induced, across, supply, 0.0f, ok != 0.0f},
+                                       true, commanded, parameters);
     std::printf("%d %.9g %.9g\n", monitor.faults(), static_cast<double>(seconds),
                 static_cast<double>(monitor.paid_out()));
   }

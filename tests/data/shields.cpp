@@ -6,6 +6,7 @@
 #include "core/commands.cpp"
 #include "core/module.cpp"
 #include "dangers/story.cpp"
+#include "esp32/kept_heat.cpp"
 #include "esp32/link.cpp"
 #include "esp32/winch.cpp"
 #include "fakes/libraries.cpp"

@@ -175,14 +175,14 @@ def test_parameters_out_of_range_or_none_are_refused(name):
 
 
 CONTRADICTING = {
-    "tension_upper": 0.5 - 1e-3, "current_continuous": 2.0, "current_peak": 0.9, "length_lower": 5.0,
+    "tension_upper": 0.5 - 1e-3, "winding_resistance": 50.0, "length_lower": 5.0,
     "supply_upper": 8.0, "timeout_brake": 0.5, "motor_direction": 0.0, "calibrated": 0.5,
 }  # fmt: skip
 
 
 def test_parameters_that_contradict_the_others_or_do_not_exist_are_refused():
     host = Host()
-    host.set(current_peak=1.5)
+    host.set(tension_lower=1.0)
     for name, value in CONTRADICTING.items():
         assert host.code(SetParameter(PARAMETERS[name].index, value)) == Code.BAD_VALUE, name
     for index in (len(PARAMETERS), 255):

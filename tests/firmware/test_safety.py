@@ -20,7 +20,7 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     Stop,
 )
-from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, Sample, SimulatedModule, Trace
+from tensionlab.hardware.simulation.simulated_module import COLUMNS, PARTS, STEP_S, Sample, SimulatedModule, Trace
 from tests.helpers.examples import many
 from tests.helpers.modules import SESSION, Host, armed, host_in
 
@@ -218,6 +218,6 @@ def test_a_set_point_that_seems_to_come_from_the_future_does_not_expire_at_once(
     messages = (Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0), Arm(SESSION), SetTension(SESSION, 3.0))
     for sequence, message in enumerate(messages):
         module.receive(message.frame(sequence).pack(), 900)
-    states = module.trace(4000, 1.0)[:, 7]
+    states = module.trace(4000, 1.0)[:, COLUMNS["state"]]
     np.testing.assert_array_equal(states[:1000], State.RUNNING)
     assert states[1010] == State.TIMEOUT

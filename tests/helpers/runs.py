@@ -21,7 +21,7 @@ RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 MANIFEST = {"call": "tensionlab run", "date": "2026-11-21T22:00:00+00:00", "seed": 3, "versions": {"numpy": "2"}}
 
 
-INFO = Info(1, 257, 7, ResetReason.POWER, State.IDLE, True, True, 28, 250, 0.5, 6.0, 3.0, 0.0195)
+INFO = Info(1, 257, 7, ResetReason.POWER, State.IDLE, True, True, 28, 250, 0.5, 6.0, 3.0, 0.0195, 3.0)
 
 
 def four():
@@ -81,7 +81,7 @@ def cycles(rig, count, rate=50.0, solver="newton", policy=None, size=2.0, lost=N
             limiters=np.where(found.tensions > 0.6, Limit.NONE, Limit.LOWER).astype(np.int64),
             brakes=np.full(rig.m, -1 if first else BrakeState.OPEN),
             last_sequence=np.full(rig.m, -1 if first else (sequence - 1) % 256),
-            thermal=np.full(rig.m, index / (count + 1)),
+            windings=np.full(rig.m, 30.0 + index),
             upper_now=rig.limits.upper,
             clearance=np.full(rig.m, np.nan),
         )

@@ -14,7 +14,7 @@ def test_drawing_table_and_board_have_the_same_pins():
     table = {name: int(pin) for pin, name in re.findall(r"\| GPIO (\d+) \|.*`(k\w+)` \|", README)}
     drawn = {text.words for text in wiring.texts()}
     assert table == pins
-    assert len(set(pins.values())) == len(pins) == 13
+    assert len(set(pins.values())) == len(pins) == 14
     for pin in pins.values():
         assert any(re.match(rf"GPIO {pin}\b", words) for words in drawn), pin
 

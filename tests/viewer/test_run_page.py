@@ -82,7 +82,7 @@ def test_the_condition_of_a_run_is_said_in_its_colour(report, condition, info, c
 
 def test_modules_have_tension_state_brake_limiter_link_and_faults(report):
     text = said(report)
-    assert re.search(r"floor-1 \d\.\d\d N running · \d\.\d+ A · heat \d+ % · brake open · .*link \d+ ms", text)
+    assert re.search(r"floor-1 \d\.\d\d N running · \d\.\d+ A · \d+ °C · brake open · .*link \d+ ms", text)
     assert re.search(r"floor-2 LOST fault · .* fault: encoder · module .* has released its cable", text)
     assert re.search(r"top \d.* brake open, commanded on|top \d.* brake closed|top \d.* brake closing", text)
 

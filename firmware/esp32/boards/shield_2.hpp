@@ -4,6 +4,8 @@
 
 #include <stdint.h>
 
+#include "../../core/thermal.hpp"
+
 namespace tensionlab {
 namespace firmware {
 namespace board {
@@ -29,6 +31,10 @@ constexpr float kVoltsPerAmpere = 50.0f * kShunt;  // INA240A2: 50 V/V
 constexpr float kSenseSignA = 1.0f;
 constexpr float kSenseSignB = -1.0f;     // the second amplifier is the other way round
 constexpr float kSupplyDivider = 11.0f;  // 100 kOhm above 10 kOhm
+
+// L6234: 0.3 ohm cold; it switches itself off at 160 °C (ST, AN1088). The thermal resistance is that of the L6225
+// in the same package on 6 cm2 of copper (ST, its data sheet); measure yours.
+constexpr DriverHeat kDriverHeat = {0.48f, 0.25f, 36.0f, 1.0f, 125.0f};
 
 }  // namespace board
 }  // namespace firmware

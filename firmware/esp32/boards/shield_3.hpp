@@ -5,6 +5,8 @@
 
 #include <stdint.h>
 
+#include "../../core/thermal.hpp"
+
 namespace tensionlab {
 namespace firmware {
 namespace board {
@@ -31,6 +33,10 @@ constexpr float kVoltsPerAmpere = 0.185f * 3.3f / 5.0f;
 constexpr float kSenseSignA = 1.0f;
 constexpr float kSenseSignB = 1.0f;      // both from the driver to the motor
 constexpr float kSupplyDivider = 11.0f;  // 100 kOhm above 10 kOhm
+
+// DRV8313: 0.24 ohm cold; it switches itself off at 150 °C. The thermal resistance is that on its maker's test
+// board, from memory of the data sheet: measure yours.
+constexpr DriverHeat kDriverHeat = {0.36f, 0.25f, 32.0f, 1.0f, 125.0f};
 
 }  // namespace board
 }  // namespace firmware

@@ -5,6 +5,8 @@
 
 #include <stdint.h>
 
+#include "../../core/thermal.hpp"
+
 namespace tensionlab {
 namespace firmware {
 namespace board {
@@ -32,6 +34,10 @@ constexpr float kVoltsPerAmpere = 50.0f * kShunt;
 constexpr float kSenseSignA = 1.0f;
 constexpr float kSenseSignB = 1.0f;
 constexpr float kSupplyDivider = 11.0f;  // as on the maker's DriveShield; measure yours
+
+// DRV8316: 0.05 ohm cold; it switches itself off at 150 °C. The thermal resistance is that on its maker's test
+// board, from memory of the data sheet: measure yours.
+constexpr DriverHeat kDriverHeat = {0.08f, 0.25f, 26.0f, 1.0f, 125.0f};
 
 }  // namespace board
 }  // namespace firmware

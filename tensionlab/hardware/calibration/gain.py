@@ -157,7 +157,7 @@ def weigh(
             info.state,
         )
     lower = info.tension_lower
-    upper = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
+    upper = info.tension_continuous
     if not lower < weight < upper:
         lowest, highest = 1.3 * lower / STANDARD_GRAVITY_M_S2, 0.9 * upper / STANDARD_GRAVITY_M_S2
         raise CalibrationError(

@@ -34,15 +34,13 @@ class ModuleGroup:
     """Clients of all modules of a rig, in its order.
 
     After `prepare`, ``infos`` describes the modules, ``slews`` are the largest rates of change of their tensions
-    in N/s, ``continuous`` the continuous ratings of the windings as tensions in N, and ``frictions`` what each
-    module compensates itself, in N and N s/m, if the rig has any.
+    in N/s, and ``frictions`` what each module compensates itself, in N and N s/m, if the rig has any.
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:
         self.clients = tuple(clients)
         self.infos: tuple[Info, ...] = ()
         self.slews: tuple[float, ...] = ()
-        self.continuous: tuple[float, ...] = ()
         self.frictions: tuple[tuple[float, ...], ...] = ()
         self._endpoints = _native.EndpointGroup([client.endpoint for client in self.clients])
         self._lockstep = tuple(client for client in self.clients if client.link.lockstep)
@@ -50,8 +48,8 @@ class ModuleGroup:
     def observe(self) -> tuple[Floats, Integers]:
         """Return the latest telemetry; a module without any has NaN, an infinite age, IDLE and -1.
 
-        Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and sequence
-        numbers (5, m).
+        Lengths, speeds, tensions, ages, windings' temperatures and bearable tensions (6, m); states, faults,
+        limiters, brakes and sequence numbers (5, m).
         """
         for client in self._lockstep:
             client.listen()
@@ -102,13 +100,10 @@ class ModuleGroup:
                 )
         self._all(Stop(), Acknowledge)  # a module may still be in TIMEOUT from an earlier run
         self._all(messages.ConfigureTelemetry(telemetry_ms), Acknowledge)
-        self.slews, ratings = self._values("slew"), self._values("current_continuous")
+        self.slews = self._values("slew")
         if any(module.friction_coulomb or module.friction_viscous for module in rig.modules):
             names = ("friction_coulomb", "friction_viscous")
             self.frictions = tuple(zip(*map(self._values, names), strict=True))
-        self.continuous = tuple(
-            current * info.newton_per_ampere for current, info in zip(ratings, self.infos, strict=True)
-        )
 
     def require_lengths(self) -> None:
         """Raise a `HardwareError` that names the modules whose cable length is unknown."""

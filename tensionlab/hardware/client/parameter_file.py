@@ -24,9 +24,12 @@ from tensionlab.support.files.reading import brief, parse_toml
 from tensionlab.support.registry import suggest
 
 # Parameters that allow others more as they grow.
-UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
+UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "winding_limit", "length_upper", "supply_upper"})
 # Parameters that allow others more as they shrink.
-LOWER_BOUNDS = frozenset({"tension_lower", "length_lower", "supply_lower"})
+LOWER_BOUNDS = frozenset(
+    {"tension_lower", "length_lower", "supply_lower", "ambient", "winding_resistance", "winding_to_housing",
+     "housing_to_ambient"}
+)  # fmt: skip
 # Parameters whose change makes a module forget its cable's length.
 LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
 COMMENT_COLUMN = 34

@@ -88,7 +88,7 @@ class Limit(DescribedCode):
     LOWER = 1, "the minimum tension, `tension_lower`"
     UPPER = 2, "`tension_upper`"
     SLEW = 3, "`slew`: on its way to the commanded tension"
-    THERMAL = 4, "the winding's budget: `current_continuous`, `current_peak`, `thermal_time`"
+    THERMAL = 4, "the temperature of winding or driver, or `current_peak`"
     SPEED = 5, "the cable reels in faster than `speed_limit`"
     LENGTH = 6, "the cable is at its shortest or longest: `length_lower`, `length_upper`"
     RELEASING = 7, "the brake is being released: at least `brake_release_tension`"
@@ -173,9 +173,16 @@ _MEANINGS = {
     "newton_per_ampere": "tension for each ampere; calibrated, not computed",
     "friction_coulomb": "dry friction at the cable, compensated",
     "friction_viscous": "friction that grows with speed, compensated",
-    "current_continuous": "continuous rating of the winding",
-    "current_peak": "peak rating of the winding, held for a while",
-    "thermal_time": "time constant of the winding",
+    "current_peak": "largest current of the motor",
+    "ambient": "warmest room that the module works in",
+    "winding_limit": "largest temperature of the winding, as estimated",
+    "winding_resistance": "resistance of a motor phase at 20 °C",
+    "winding_to_housing": "thermal resistance from the winding to the motor's housing",
+    "housing_to_ambient": "thermal resistance from the housing to the room",
+    "winding_capacity": "heat capacity of the winding",
+    "housing_capacity": "heat capacity of the motor without its winding",
+    "thermistor_resistance": "thermistor on the housing, at 25 °C; 0: none",
+    "thermistor_beta": "constant of the thermistor",
     "speed_limit": "speed of reeling in above which the module pulls less; at 1.4 times it faults",
     "length_lower": "shortest cable length; below, the module pulls only with the minimum tension",
     "length_upper": "length of the cable; above, the module pulls only with the minimum tension",

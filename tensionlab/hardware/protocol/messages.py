@@ -35,7 +35,7 @@ from tensionlab.hardware.protocol.codes import (
 MAX_PAYLOAD, MAX_PIECE = _native.MAX_PAYLOAD, _native.MAX_PIECE
 DELIMITER = b"\0\0\0"  # end of a frame. It takes three flips to make one of other bytes, none of which is zero.
 CHECKSUM_BYTES = 3  # bytes of a checksum
-PROTOCOL = 4  # version of the protocol; `Info` has the module's
+PROTOCOL = 5  # version of the protocol; `Info` has the module's
 MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
 
 # Layout of a field in the payload, as `struct` format characters.
@@ -251,7 +251,11 @@ class ConfigureTelemetry(Message, type=Type.CONFIGURE_TELEMETRY):
 
 
 class Info(Message, type=Type.INFO):
-    """Description of a module. firmware: major and minor version, a byte each; spool_radius in m."""
+    """Description of a module.
+
+    firmware: major and minor version, a byte each; spool_radius in m; tension_continuous: what it may pull for
+    good, in N.
+    """
 
     protocol: U8
     firmware: U16
@@ -266,6 +270,7 @@ class Info(Message, type=Type.INFO):
     tension_upper: F32
     newton_per_ampere: F32
     spool_radius: F32
+    tension_continuous: F32
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
@@ -273,7 +278,7 @@ class Info(Message, type=Type.INFO):
         if payload and payload[0] != PROTOCOL:  # the rest may have changed
             raise OtherProtocolError(payload[0])
         info = super().unpack(payload)
-        for name in ("ttl_ms", "tension_lower", "newton_per_ampere", "spool_radius"):
+        for name in ("ttl_ms", "tension_lower", "newton_per_ampere", "spool_radius", "tension_continuous"):
             if not getattr(info, name) > 0:
                 raise ProtocolError(f"Info: {name} is {getattr(info, name):g}; it must be above 0")
         if info.tension_lower > info.tension_upper:
@@ -303,8 +308,9 @@ class Telemetry(Message, type=Type.TELEMETRY):
     """Measurements and state of a module.
 
     `tension` is what the motor is commanded to, N; `current` as measured, A; `speed` of paying out, m/s;
-    `thermal` the share of the winding's budget that is spent; `sequence` that of the last set-point;
-    `lost_frames` those that found no room to be sent; `longest_step_us` the longest since the last telemetry.
+    `bearable` what winding and driver bear now, N; `winding` the winding's estimated temperature, °C;
+    `sequence` that of the last set-point; `lost_frames` those that found no room to be sent; `longest_step_us` the
+    longest since the last telemetry.
     """
 
     _finite = False  # a sensor that fails may say anything
@@ -319,7 +325,8 @@ class Telemetry(Message, type=Type.TELEMETRY):
     length: F32
     speed: F32
     supply: F32
-    thermal: F32
+    bearable: F32
+    winding: U8
     brake: Annotated[BrakeState, "B"]
     bad_frames: U16
     lost_frames: U16

@@ -33,7 +33,7 @@ TELEMETRY_UNITS = {
     "tension": "N",
     "current": "A",
     "supply": "V",
-    "thermal": "of the budget",
+    "bearable": "N",
 }  # quantities of a telemetry that must be finite, and their units
 MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M  # tolerance of a length against the cable's own speeds
 # Largest acceleration of a cable in m/s²: a hand reaches 30; a free spool (6 N on 0.03 kg) at most twice this.
@@ -81,7 +81,7 @@ class ArmedModules:
         self.tensions = np.minimum(minimum, rig.limits.lower)  # equal, but for single precision, or below
         self._max_change = min(group.slews) / settings.rate  # of a tension from one cycle to the next, in N
         self._within_rates = RateLimitedAllocator(rig.limits, min(group.slews), 1.0 / settings.rate)
-        self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
+        self._derating = Derating(rig.limits, self.names)
         self._clearance = BodyClearance(rig, note)
         self._friction = FrictionCompensation(rig, group.frictions) if group.frictions else None
         self._minimum = minimum
@@ -119,7 +119,7 @@ class ArmedModules:
         """Read and check the modules; return what they report, and the ages (m,) of their set-points in s."""
         now = self._clock.now()
         seen = observe(self._group)
-        self._derating.update(seen.thermal)
+        self._derating.update(seen.bearable)
         delays, at_least = self._delays.delays(seen.last_sequence, now)
         self.check(seen, at_least, now)
         if _native.any_exceeds(seen.ages, self._unknown_ages):  # an old report is no measurement
@@ -142,11 +142,14 @@ class ArmedModules:
         elif now > self._stalled_until:
             self._stall_s = 0.0
         suspects = self._group.suspects(self.active, delays, ttl)
+        if _native.any_exceeds(self._derating.lower, seen.bearable):
+            hot = np.flatnonzero(self.active & (self._derating.lower > seen.bearable))
+            suspects = sorted({*suspects, *hot.tolist()})
         if not suspects:
             self._late_since.fill(np.nan)
             return
         self._late_since = np.where(delays > ttl, np.fmin(self._late_since, now), np.nan)
-        ages, thermal, late = seen.ages.tolist(), seen.thermal.tolist(), (now - self._late_since).tolist()
+        ages, bearable, late = seen.ages.tolist(), seen.bearable.tolist(), (now - self._late_since).tolist()
         for index in suspects:
             client = self._clients[index]
             try:
@@ -156,7 +159,7 @@ class ArmedModules:
                         f'module "{client.name}" is late: the newest set-point that it reports to follow was '
                         f"sent {delays[index]:.2f} s ago, and lives {ttl:g} s; its link is slow or crowded"
                     )
-                self._derating.require_holding(index, thermal[index])
+                self._derating.require_holding(index, bearable[index])
             except HardwareError as error:
                 self._lose(index, error)
 

@@ -117,7 +117,7 @@ class CycleTable:
     brake_states: Integers = column("state.brakes", "1", f"brake: {codes(BrakeState)}; -1: not known", "module")
     last_sequence: Integers = column("state.last_sequence", "1", "last set-point followed; -1: none yet", "module")
     delays: Floats = column("state.delays", "s", "time since that set-point was sent", "module")
-    thermal: Floats = column("state.thermal", "1", "share of the winding's budget that is spent", "module")
+    windings: Floats = column("state.windings", "°C", "estimated temperature of the winding", "module")
     upper_now: Floats = column("state.upper_now", "N", "upper limit: the rig's, or less: heat or a body", "module")
     clearance: Floats = column("state.clearance", "m", "distance of the cable from the nearest body", "module")
     frames: Floats = column(frame_poses, "1, m", "rotation and position of a frame", "frame", "axis", "entry")

@@ -57,37 +57,32 @@ class GuardedAllocator:
         return exact(structure, wrench), True
 
 
-# Share of a winding's continuous rating that the host uses: currents are measured with some noise.
-CONTINUOUS_SHARE = 0.98
-# Gain from the remaining budget of a winding to the square of the current that the host commands. The firmware
-# limits at 10 (`firmware/core/thermal.hpp`); with less, the host limits first, late telemetry or not.
-DERATING_GAIN = 8.0
+# Share of the tension that a module reports to bear which the host uses: currents are measured with some noise.
+BEARABLE_SHARE = 0.98
 STEP_N = 0.05  # limits change by whole steps, too small to be noticed; solvers are prepared for each set of limits
 
 
 class Derating:
-    """Upper tension limits of all modules, by the spent share of each winding's budget.
+    """Upper tension limits of all modules, by the tensions that warm windings and drivers bear.
 
-    From cold to spent a limit falls from the rig's own to the winding's continuous tension (m,) in N, without a
-    jump. `limits` are the present ones, `lowest` the lowest so far, in N, of each module that was derated.
+    A module reports a little less than it limits at itself, so the host limits first, late telemetry or not.
+    `limits` are the present ones, `lowest` the lowest so far, in N, of each module that was derated.
     """
 
-    def __init__(self, limits: TensionLimits, continuous: Floats, names: list[str]) -> None:
-        self._own, self._continuous, self._names = limits, continuous, names
-        self._thermal = np.zeros(len(names))
-        # Spent shares from which on limits are lower.
-        self._warm = 1.0 - ((limits.upper / (CONTINUOUS_SHARE * continuous)) ** 2 - 1.0) / DERATING_GAIN
+    def __init__(self, limits: TensionLimits, names: list[str]) -> None:
+        self._own, self._names, self.lower = limits, names, limits.lower
+        self._bearable = np.full(len(names), np.inf)
+        self._enough = -limits.upper / BEARABLE_SHARE
         self.limits = limits
         self.lowest: dict[str, float] = {}
 
-    def update(self, thermal: Floats) -> None:
-        """Set the limits by the spent shares (m,) of the budgets, 0 to 1; NaN where nothing new is known."""
+    def update(self, bearable: Floats) -> None:
+        """Set the limits by what modules bear now (m,) in N; NaN where nothing new is known."""
         own = self._own
-        if self.limits is own and not _native.any_exceeds(thermal, self._warm):
+        if self.limits is own and not _native.any_exceeds(-bearable, self._enough):
             return
-        self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
-        bearable = CONTINUOUS_SHARE * self._continuous * np.sqrt(1.0 + DERATING_GAIN * (1.0 - self._thermal))
-        upper = np.clip(STEP_N * np.floor(bearable / STEP_N), own.lower, own.upper)
+        self._bearable = np.where(np.isnan(bearable), self._bearable, bearable)
+        upper = np.clip(STEP_N * np.floor(BEARABLE_SHARE * self._bearable / STEP_N), own.lower, own.upper)
         if (upper == self.limits.upper).all():
             return
         self.limits = TensionLimits(own.lower, upper)
@@ -95,12 +90,12 @@ class Derating:
             name, limit = self._names[index], float(upper[index])
             self.lowest[name] = min(limit, self.lowest.get(name, limit))
 
-    def require_holding(self, index: int, thermal: float) -> None:
-        """Refuse, by a `ModuleFault`, a module whose hot winding cannot hold even its lower limit continuously."""
-        bearable, lower = self._continuous[index], self._own.lower[index]
-        if thermal >= 1.0 and bearable < lower:
+    def require_holding(self, index: int, bearable: float) -> None:
+        """Refuse, by a `ModuleFault`, a module that is too hot to bear even its lower limit."""
+        lower = self.lower[index]
+        if bearable < lower:
             raise ModuleFault(
-                f'module "{self._names[index]}" is too hot: it bears {bearable:.2f} N continuously, less than '
+                f'module "{self._names[index]}" is too hot: it bears {bearable:.2f} N, less than '
                 f"its lower limit of {lower:g} N; lower the rig's limit, or let it cool",
                 self._names[index],
                 Limit.THERMAL,

@@ -299,6 +299,7 @@ class Runner:
         clearance = modules.keep_clear(pose, structure)
         known = {"active": active, "delays": delays, "clearance": clearance, **seen._asdict()}
         known |= {"lengths": lengths, "upper_now": modules.limits.upper}
+        del known["bearable"]  # it is in the upper limits
         return RigState(self.statistics.cycles, now, pose, twist, structure, **known)
 
     def _limited_wrench(

@@ -26,7 +26,8 @@ class Observation(NamedTuple):
     speeds: Floats
     tensions: Floats
     ages: Floats
-    thermal: Floats
+    windings: Floats
+    bearable: Floats
     states: Integers
     faults: Integers
     limiters: Integers

@@ -45,6 +45,8 @@ class Sample:
     commanded: float  # tension that the firmware makes the motor pull with, in N
     current: float  # of the motor, in A
     brake_force: float  # that the pawl holds, in N
+    winding: float  # temperature of the motor's winding, in °C
+    estimated_winding: float  # by the firmware
     state: State
     limit: Limit  # what keeps `commanded` from being what the host wants
     driver_on: bool
@@ -128,7 +130,7 @@ class SimulatedModule:
     def sample(self) -> Sample:
         """State of the module now."""
         values = self._module.sample()
-        return Sample(*values[:7], State(values[7]), Limit(values[8]), *values[9:])
+        return Sample(*values[:9], State(values[9]), Limit(values[10]), *values[11:])
 
     @property
     def tension(self) -> float:

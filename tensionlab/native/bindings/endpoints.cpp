@@ -63,12 +63,13 @@ class EndpointGroup {
   using Mask = Contiguous<bool, 1>;
   using Numbers = Contiguous<double, 1>;
 
-  // Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and last sequence
-  // numbers (5, m). State and limiter of modules that have reported nothing are given.
+  // Lengths, speeds, tensions, ages, windings' temperatures and bearable tensions (6, m); states, faults,
+  // limiters, brakes and last sequence numbers (5, m). State and limiter of modules that have reported nothing are
+  // given.
   nb::tuple observe(const Clocks& clocks, int idle_state, int idle_limit) const {
     const std::size_t m = endpoints_.size();
     require(clocks.size() == m, "one time for each module");
-    const auto measured = make_array<double>(5, m);
+    const auto measured = make_array<double>(6, m);
     const auto codes = make_array<std::int64_t>(5, m);
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     for (std::size_t i = 0; i < m; ++i) {
@@ -76,15 +77,17 @@ class EndpointGroup {
       const Telemetry& t = known.latest;
       const bool reported = known.telemetries > 0;
       const double age = reported ? clocks[i] - t.received : std::numeric_limits<double>::infinity();
-      const double numbers[] = {reported ? t.length : kNan, reported ? t.speed : kNan, reported ? t.tension : kNan,
-                                age, reported ? t.thermal : kNan};
+      const double numbers[] = {reported ? t.length : kNan,
+                                reported ? t.speed : kNan,
+                                reported ? t.tension : kNan,
+                                age,
+                                reported ? static_cast<double>(t.winding) : kNan,
+                                reported ? t.bearable : kNan};
       const int state = known.fields.state == Endpoint::kNoState ? t.state : known.fields.state;
       const int last[] = {reported ? state : idle_state, reported ? known.fields.faults : 0,
                           reported ? t.limit : idle_limit, reported ? t.brake : -1, reported ? t.sequence : -1};
-      for (std::size_t row = 0; row < 5; ++row) {
-        measured.data()[row * m + i] = numbers[row];
-        codes.data()[row * m + i] = last[row];
-      }
+      for (std::size_t row = 0; row < 6; ++row) measured.data()[row * m + i] = numbers[row];
+      for (std::size_t row = 0; row < 5; ++row) codes.data()[row * m + i] = last[row];
     }
     return nb::make_tuple(measured, codes);
   }

@@ -36,7 +36,7 @@ PlantParameters plant_from(const nb::dict& changes) {
 
 auto fields(const Sample& s) {
   return std::make_tuple(s.seconds, s.distance, s.length, s.tension, s.commanded, s.current, s.brake_force,
-                         s.state, s.limit, s.driver_on, s.pawl_down);
+                         s.winding, s.estimated_winding, s.state, s.limit, s.driver_on, s.pawl_down);
 }
 
 constexpr std::size_t kColumns = std::tuple_size_v<decltype(fields(Sample{}))>;

@@ -90,14 +90,14 @@ class FrameDecoder {
 };
 
 struct Telemetry {
-  static constexpr std::size_t kSize = 40;
+  static constexpr std::size_t kSize = 41;
   static constexpr std::uint8_t kMaxState = 5, kMaxLimit = 9, kMaxBrake = 4;
 
   std::uint8_t payload[kSize];
   std::uint32_t time_us;
-  std::uint8_t state, limit, sequence, brake;
+  std::uint8_t state, limit, sequence, winding, brake;
   std::uint16_t faults;
-  float tension, current, length, speed, supply, thermal;
+  float tension, current, length, speed, supply, bearable;
   double received;  // s, by the clock of the link
 
   // Reads a payload; returns false if its length is wrong or a code unknown.
@@ -110,7 +110,8 @@ struct Telemetry {
     faults = reader.u16();
     limit = reader.u8();
     sequence = reader.u8();
-    for (float* number : {&tension, &current, &length, &speed, &supply, &thermal}) *number = reader.f32();
+    for (float* number : {&tension, &current, &length, &speed, &supply, &bearable}) *number = reader.f32();
+    winding = reader.u8();
     brake = reader.u8();
     return state <= kMaxState && limit <= kMaxLimit && brake <= kMaxBrake;
   }
@@ -119,7 +120,7 @@ struct Telemetry {
 
   // Whether it can be true after what was reported before, if anything was.
   bool is_plausible(const Telemetry* before) const {
-    for (const float number : {length, speed, tension, current, supply, thermal}) {
+    for (const float number : {length, speed, tension, current, supply, bearable}) {
       if (!std::isfinite(number)) return false;
     }
     if (faults != 0) return false;
@@ -235,7 +236,6 @@ class Endpoint {
     const std::lock_guard<std::mutex> locked(mutex_);
     const bool follows = fields_.state == 1 || fields_.state == 2;
     if (fields_.needs_attention || !follows || telemetries_ == 0 || !(now - latest_.received <= ttl)) return false;
-    if (latest_.thermal >= 1.0F) return false;
     if (telemetries_ != checks_) {
       if (!latest_.is_plausible(checks_ == 0 ? nullptr : &checked_)) return false;
       check();

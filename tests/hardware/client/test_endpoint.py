@@ -43,7 +43,15 @@ TTL_S = 0.25
 def telemetry(time_us=0, **changes):
     """What a module that follows set-points reports."""
     usual = {"state": State.RUNNING, "faults": Fault(0), "limit": Limit.NONE, "sequence": 0}
-    usual |= {"tension": 2.0, "current": 0.75, "length": 1.0, "speed": 0.0, "supply": 12.0, "thermal": 0.125}
+    usual |= {
+        "tension": 2.0,
+        "current": 0.75,
+        "length": 1.0,
+        "speed": 0.0,
+        "supply": 12.0,
+        "winding": 40,
+        "bearable": 6.125,
+    }
     usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
     return Telemetry(time_us, **(usual | changes))
 
@@ -159,7 +167,7 @@ def test_telemetry_is_recorded_once_and_in_order(pair):
 
 
 @pytest.mark.parametrize(
-    ("at", "value"), [(4, len(State)), (7, len(Limit)), (33, len(BrakeState))], ids=["state", "limit", "brake"]
+    ("at", "value"), [(4, len(State)), (7, len(Limit)), (34, len(BrakeState))], ids=["state", "limit", "brake"]
 )
 def test_telemetry_with_a_code_that_has_no_name_is_not_read(at, value):
     client = scripted().clients[0]
@@ -258,7 +266,7 @@ REPORTS = st.builds(
     st.integers(0, 2**32 - 1),
     state=st.sampled_from(State),
     faults=st.sampled_from([Fault(0), Fault.SPEED]),
-    **dict.fromkeys(("tension", "current", "length", "speed", "supply", "thermal"), FLOATS),
+    **dict.fromkeys(("tension", "current", "length", "speed", "supply", "bearable"), FLOATS),
 )
 STEPS = st.lists(
     st.tuples(
@@ -306,7 +314,7 @@ def lost(group, steps):
         if what is not None:
             say(group.clients[0], what)
         measured, _ = group.observe()
-        seen = type("Seen", (), {"ages": measured[3], "thermal": measured[4]})
+        seen = type("Seen", (), {"ages": measured[3], "bearable": measured[5]})
         with suppress(HardwareError):
             modules.check(seen, np.array([delay, 0.0]), now)
         found += [(now, *note) for note in notes]
@@ -316,7 +324,7 @@ def lost(group, steps):
 
 @given(STEPS)
 @example([((0.04, 0.0), 0.02, 0.0), ((0.06, 0.0), 0.0, 0.0)])
-@example([((0.0, 0.0), 0.02, 0.0), (telemetry(1_100_000, thermal=1.0), 0.02, 0.0)])
+@example([((0.0, 0.0), 0.02, 0.0), (telemetry(1_100_000, bearable=0.25), 0.02, 0.0)])
 @example([((0.0, 0.0), 0.02, 0.26)] * 20)
 def test_who_is_not_suspected_would_have_passed_every_check(steps):
     """Native checks lose the same modules in the same cycles, for the same reasons, as those of Python alone."""
@@ -347,11 +355,11 @@ def test_a_module_that_is_well_is_not_suspected():
 
 def test_silent_modules_are_observed_as_such():
     group = scripted(2)
-    say(group.clients[1], telemetry(1, sequence=9, thermal=0.5))
+    say(group.clients[1], telemetry(1, sequence=9, winding=55))
     group.clients[1].link.now += 0.5
     measured, codes = group.observe()
-    np.testing.assert_array_equal(measured[:, 0], [np.nan, np.nan, np.nan, np.inf, np.nan])
-    np.testing.assert_array_equal(measured[:, 1], [1.0, 0.0, 2.0, 0.5, 0.5])
+    np.testing.assert_array_equal(measured[:, 0], [np.nan, np.nan, np.nan, np.inf, np.nan, np.nan])
+    np.testing.assert_array_equal(measured[:, 1], [1.0, 0.0, 2.0, 0.5, 55.0, 6.125])
     np.testing.assert_array_equal(codes.T, [[State.IDLE, 0, Limit.IDLE, -1, -1], [State.RUNNING, 0, 0, 0, 9]])
 
 
@@ -362,6 +370,6 @@ def test_a_group_owns_its_endpoints_whatever_becomes_of_the_list():
     group = _native.EndpointGroup(endpoints)
     endpoints.clear()
     assert sys.getrefcount(endpoint) == before + 1
-    assert group.observe([0.0], 0, 0)[0].shape == (5, 1)
+    assert group.observe([0.0], 0, 0)[0].shape == (6, 1)
     with pytest.raises(RuntimeError):
         _native.EndpointGroup([None])

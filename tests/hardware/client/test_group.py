@@ -179,16 +179,12 @@ def test_before_a_run_modules_tell_what_they_can_do_and_begin_to_report():
     modules = Modules()
     for client in modules.group.clients:
         client.set_parameter("slew", 30.0)
-        client.set_parameter("current_continuous", 0.8)
     modules.pull()
     modules.world.advance(0.3)
     assert modules.states == [State.TIMEOUT] * RIG.m, "and an earlier run may have left them so"
     modules.group.prepare(RIG, 10)
     assert modules.states == [State.IDLE] * RIG.m
     assert modules.group.slews == (30.0,) * RIG.m
-    assert modules.group.continuous == pytest.approx(
-        [0.8 * info.newton_per_ampere for info in modules.group.infos]
-    )
     modules.group.require_lengths()
     for client in modules.group.clients:
         client.listen(0.02)

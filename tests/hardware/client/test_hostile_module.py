@@ -14,7 +14,7 @@ from tensionlab.hardware.protocol.codes import Type
 from tensionlab.hardware.protocol.messages import DELIMITER, PROTOCOL, Decoder, Hello, Info, Log, WireFrame, read
 from tests.helpers.modules import serial_port
 
-INFO = struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02)
+INFO = struct.pack("<BHI5BH5f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02, 3.0)
 
 
 class Liar:
@@ -49,9 +49,13 @@ def client(answer):
 @pytest.mark.parametrize(
     ("kind", "payload", "message"),
     [
-        (Type.INFO, INFO[:-1], "Info has 30 bytes of payload; got 29"),
-        (Type.INFO, INFO[:14] + struct.pack("<4f", float("nan"), 6.0, 3.0, 0.02), "Info: tension_lower is nan"),
-        (Type.INFO, INFO[:14] + struct.pack("<4f", 7, 6, 3, 0.02), "tension_lower 7 is above tension_upper 6"),
+        (Type.INFO, INFO[:-1], "Info has 34 bytes of payload; got 33"),
+        (
+            Type.INFO,
+            INFO[:14] + struct.pack("<5f", float("nan"), 6.0, 3.0, 0.02, 3.0),
+            "Info: tension_lower is nan",
+        ),
+        (Type.INFO, INFO[:14] + struct.pack("<5f", 7, 6, 3, 0.02, 3), "tension_lower 7 is above tension_upper 6"),
         (Type.INFO, INFO[:8] + b"\x63" + INFO[9:], "Info: 99 is not a valid State"),
     ],
 )
@@ -88,7 +92,7 @@ def test_whatever_a_frame_holds_no_other_error_comes_of_it():
     liar = client(lambda frame: b"")
     for _ in range(5_000):
         kind = rng.choice([*Type, rng.randrange(256)])
-        size = rng.choice((0, 3, 4, 12, 13, 30, 40, rng.randrange(57)))
+        size = rng.choice((0, 3, 4, 12, 13, 34, 41, rng.randrange(57)))
         payload = bytes(rng.choice((0, 1, 2, PROTOCOL, 0xFF, rng.randrange(256))) for _ in range(size))
         liar._feed(WireFrame(kind, rng.randrange(256), payload).pack())
     assert len(liar._answers) <= 256

@@ -9,7 +9,7 @@ import pytest
 from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.parameter_file import change, dump, parse
-from tensionlab.hardware.protocol.codes import BINARY_PARAMETERS, PARAMETERS, Calibration, single
+from tensionlab.hardware.protocol.codes import BINARY_PARAMETERS, PARAMETERS, Calibration
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -29,7 +29,7 @@ def restore(client, text, origin="file"):
 def test_a_dump_has_all_parameters_with_units_and_the_module_for_information(client):
     text = dump(client)
     document = tomllib.loads(text)
-    assert document["module"] == {"serial_number": 7, "firmware": "0.3"}
+    assert document["module"] == {"serial_number": 7, "firmware": "0.4"}
     assert list(document["parameters"]) == list(PARAMETERS)
     values = {name: float(np.float32(value)) for name, value in document["parameters"].items()}
     assert values == client.link.module.parameters
@@ -87,10 +87,12 @@ def random_values(generator):
 
 def agree(values):
     """Whether parameters fit together."""
-    continuous = single(values["current_continuous"] * values["newton_per_ampere"])
+    hot = 1.5 * values["winding_resistance"] * (1.0 + 0.00393 * (values["winding_limit"] - 20.0))
+    resistance = values["winding_to_housing"] + values["housing_to_ambient"]
+    square = (values["winding_limit"] - values["ambient"]) / (resistance * hot)
     return (
-        values["tension_lower"] <= min(values["tension_upper"], continuous)
-        and values["current_continuous"] <= values["current_peak"]
+        values["tension_lower"] <= values["tension_upper"]
+        and values["tension_lower"] <= values["newton_per_ampere"] * square**0.5
         and values["length_lower"] < values["length_upper"]
         and values["supply_lower"] < values["supply_upper"]
     )

@@ -45,7 +45,7 @@ def any_message(kind):
     if kind is Info:  # what no module has is refused
         above = st.floats(2.0**-100, 2.0**100, width=32)
         values |= {"protocol": st.just(PROTOCOL), "ttl_ms": st.integers(1, 0xFFFF)}
-        values |= dict.fromkeys(("newton_per_ampere", "spool_radius"), above)
+        values |= dict.fromkeys(("newton_per_ampere", "spool_radius", "tension_continuous"), above)
         values |= {"tension_lower": st.just(0.5), "tension_upper": st.floats(0.5, 2.0**100, width=32)}
     return st.builds(kind, **values)
 
@@ -80,7 +80,7 @@ def test_a_line_of_text_is_cut_and_has_only_printable_ascii(text):
 def test_a_payload_worked_out_by_hand():
     packed = SetTension(0x0102, 1.5, brake=True, ttl_ms=250, rounds=3).pack()
     assert packed == bytes.fromhex("0201 0000c03f 01 fa00 03")
-    assert Telemetry.unpack(bytes(40)).faults == Fault(0)
+    assert Telemetry.unpack(bytes(41)).faults == Fault(0)
 
 
 def parameter(value):
@@ -89,8 +89,9 @@ def parameter(value):
 
 def info(**changes):
     usual = {"tension_lower": 0.5, "tension_upper": 6.0, "newton_per_ampere": 3.0, "spool_radius": 0.02}
+    usual |= {"tension_continuous": 3.0}
     numbers = (usual | changes).values()
-    return WireFrame(Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers))
+    return WireFrame(Type.INFO, 0, struct.pack("<BHI5BH5f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers))
 
 
 @pytest.mark.parametrize(
@@ -111,13 +112,13 @@ def test_numbers_that_do_not_fit_are_not_sent(session, tension):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 4"),
+        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 5"),
         (WireFrame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
         (WireFrame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])), "Acknowledge: 99 is not a valid Code; does"),
         (WireFrame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
-        (WireFrame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
-        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 4: put the firmware"),
-        (WireFrame(Type.INFO, 0, b"\5later, and longer"), "speaks protocol 5, this tensionlab 4: install the"),
+        (WireFrame(Type.INFO, 0), "Info has 34 bytes of payload; got 0"),
+        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 5: put the firmware"),
+        (WireFrame(Type.INFO, 0, b"\6later, and longer"), "speaks protocol 6, this tensionlab 5: install the"),
         (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
         (parameter(math.inf), "value is inf"),
         (info(tension_lower=-math.inf), "Info: tension_lower is -inf"),
@@ -150,7 +151,7 @@ def test_values_of_parameters_are_bounded_as_the_module_stores_them(name):
 
 
 def test_faults_of_a_later_firmware_are_kept():
-    faults = Telemetry.unpack(bytes(5) + b"\x21\x00" + bytes(33)).faults
+    faults = Telemetry.unpack(bytes(5) + b"\x21\x00" + bytes(34)).faults
     assert faults == Fault.ENCODER | 0x20
 
 

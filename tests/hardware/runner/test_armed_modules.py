@@ -62,7 +62,15 @@ def test_telemetry_of_before_it_was_armed_is_not_taken_for_a_stop(seed):
 def telemetry(time_us=0, at=0.0, **changes):
     """What a module that follows set-points reports, and when it came."""
     usual = {"state": State.RUNNING, "faults": Fault(0), "limit": Limit.NONE, "sequence": 0}
-    usual |= {"tension": 2.0, "current": 0.7, "length": 1.0, "speed": 0.0, "supply": 12.0, "thermal": 0.1}
+    usual |= {
+        "tension": 2.0,
+        "current": 0.7,
+        "length": 1.0,
+        "speed": 0.0,
+        "supply": 12.0,
+        "winding": 40,
+        "bearable": 6.0,
+    }
     usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
     return Received(Telemetry(time_us, **(usual | changes)), at)
 
@@ -170,9 +178,9 @@ class Watched:
     def send_tensions(self, tensions, chosen, brakes, ttl_ms):
         return np.full(3, -1), np.flatnonzero(chosen).tolist(), []
 
-    def cycle(self, seconds=0.02, ages=(0.01,) * 3, delays=(0.03,) * 3, thermal=(0.0,) * 3):
+    def cycle(self, seconds=0.02, ages=(0.01,) * 3, delays=(0.03,) * 3, bearable=(6.0,) * 3):
         self.now += seconds
-        seen = SimpleNamespace(ages=np.array(ages), thermal=np.array(thermal))
+        seen = SimpleNamespace(ages=np.array(ages), bearable=np.array(bearable))
         self.modules.check(seen, np.array(delays), self.now)
         return self.lost
 
@@ -196,8 +204,8 @@ def silent(seconds):
         ([{"delays": (0.03, 0.26, 0.25)}] * 13, "", ""),
         ([{"delays": (0.03, 0.26, 0.25)}] * 14, "b", 'module "b" is late: the newest set-point that it reports'),
         ([{"delays": (0.03, 0.26 if cycle % 12 else 0.1, 0.03)} for cycle in range(50)], "", ""),
-        ([{"thermal": (np.nan, 0.99, 0.99)}], "", ""),
-        ([{"thermal": (np.nan, 1.0, 1.0)}], "c", 'module "c" is too hot'),
+        ([{"bearable": (np.nan, 0.5, 0.5)}], "", ""),
+        ([{"bearable": (np.nan, 0.5, 0.49)}], "c", 'module "c" is too hot'),
     ],
 )
 def test_a_module_is_lost_once_it_is_silent_late_or_too_hot_beyond_what_a_stall_explains(cycles, lost, said):

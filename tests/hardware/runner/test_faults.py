@@ -104,7 +104,8 @@ def test_a_module_that_gets_warm_is_asked_for_less_before_it_has_to_pull_less(re
     """The published rig's top module alone pulls up: no other can relieve it."""
     rehearsal.trouble_at = 1e9
     for client in rehearsal.group.clients:
-        client.set_parameter("thermal_time", 4.0)
+        client.set_parameter("winding_capacity", 1.0)
+        client.set_parameter("housing_capacity", 1.0)
     runner = rehearsal.runner(rehearsal.demand(np.array([0.0, force, 0.0])))
     statistics = runner.run(16.0)
     assert statistics.ended == "duration reached"
@@ -121,14 +122,17 @@ def test_a_module_that_gets_warm_is_asked_for_less_before_it_has_to_pull_less(re
 
 
 def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
-    """The continuous rating of its winding is 0.3 A here, 0.9 N, and the rig wants 1.5 N at least."""
+    """Its winding bears 0.3 A for good here, 0.9 N, and the rig wants 1.5 N at least."""
     rig = rehearsal.rig
     taut = [tl.Module(each.name, each.anchor, 1.5, 6.0) for each in rig.modules]
     rehearsal = Rehearsal(tl.Rig(rig.name, rig.kind, taut, rig.home), trouble_at=1e9)
     for client in rehearsal.group.clients:
         client.set_parameter("tension_lower", 0.5)
-        client.set_parameter("current_continuous", 0.3)
-    with pytest.raises(ModuleFault, match=r"is too hot: it bears 0\.90 N continuously, less than its lower"):
+        client.set_parameter("winding_to_housing", 50.0)
+        client.set_parameter("housing_to_ambient", 90.0)
+        client.set_parameter("winding_capacity", 1.0)
+        client.set_parameter("housing_capacity", 1.0)
+    with pytest.raises(ModuleFault, match=r"is too hot: it bears 1\.(4\d|50) N, less than its lower"):
         rehearsal.runner(rehearsal.demand(np.zeros(3))).run(300.0)
     rehearsal.trouble_at = rehearsal.world.time
     assert_released(rehearsal)
