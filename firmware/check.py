@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import shutil
 import struct
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 FIRMWARE = Path(__file__).parent
@@ -171,6 +173,12 @@ def libfuzzer(folder: Path, seconds: int) -> Figures:
     return {"seconds": seconds}
 
 
+def in_a_folder(check: Callable[[Path], Figures]) -> Figures:
+    """Run a check in an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        return check(Path(folder))
+
+
 def main() -> int:
     """Run all checks whose tools are there; 1 if one fails."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -190,17 +198,22 @@ def main() -> int:
         parser.error(f"no check is called {', '.join(sorted(unknown))}; there are {', '.join(checks)}")
     figures: dict[str, Figures] = json.loads(FIGURES.read_text(encoding="utf-8"))
     failed = False
-    for name in options.checks or checks:
-        check, tools = checks[name]
-        missing = [
-            str(tool) for tool in tools if not ((isinstance(tool, Path) and tool.exists()) or shutil.which(tool))
-        ]
-        if missing:
-            print(f"{name}: left out, for want of {', '.join(missing)}")
-            continue
-        with tempfile.TemporaryDirectory() as folder:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each waits for programs
+        running: dict[str, Future[Figures]] = {}
+        for name in options.checks or checks:
+            check, tools = checks[name]
+            missing = [
+                str(tool)
+                for tool in tools
+                if not ((isinstance(tool, Path) and tool.exists()) or shutil.which(tool))
+            ]
+            if missing:
+                print(f"{name}: left out, for want of {', '.join(missing)}")
+            else:
+                running[name] = pool.submit(in_a_folder, check)
+        for name, result in running.items():
             try:
-                found = figures[name] = check(Path(folder))
+                found = figures[name] = result.result()
                 if name in SIZES and not options.write and (excess := over_budget(name, found)):
                     raise UnfitError("; ".join(excess))
             except UnfitError as reason:
