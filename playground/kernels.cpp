@@ -120,7 +120,7 @@ EXPORT(allocate) int allocate(int solver_index, int policy_index) {
     baseline::verify(batch, settings, {0, 1}, findings);
     return status;
   }
-  const ExactSettings settings{static_cast<Policy>(policy_index), kLargest, kTolerance, kRankTolerance};
+  const AllocationSettings settings{static_cast<Rule>(1 + policy_index), kLargest, kTolerance, kRankTolerance};
   std::int64_t iterations = 0;
   const SweepAnswer answer{page.tensions, page.separation, page.rendered, &page.residual,
                            &page.scale,   &status,         &iterations};
