@@ -235,7 +235,7 @@ def taken_up(lengths, speeds=0.0, expected=None):
     def cycle():
         nonlocal now
         now += 0.02
-        return Observation(lengths(now - began), zero + speeds, *[zero] * 8)
+        return Observation(lengths(now - began), zero + speeds, *[zero] * 9)
 
     tracker = PoseTracker(FOUR) if expected is None else None
     take_up_slack(FOUR, cycle, np.ones(FOUR.m, dtype=bool), Clock(), tracker, expected)
