@@ -16,7 +16,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -58,6 +58,11 @@ def exceeded(found: Mapping[str, object], budget: Mapping[str, object]) -> list[
     ]
 
 
+def not_installed(tools: Iterable[str | Path]) -> list[str]:
+    """Return those of some tools, programs by their names or files, that this computer lacks."""
+    return [str(tool) for tool in tools if not (tool.exists() if isinstance(tool, Path) else shutil.which(tool))]
+
+
 def run(*words: object) -> str:
     """Return what a command prints, or raise with that as the reason."""
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False)
@@ -83,7 +88,6 @@ def arm(folder: Path) -> Figures:
     text, data, bss, *_ = run("arm-none-eabi-size", whole).splitlines()[1].split()
     wanted = {line.split()[-1] for line in run("arm-none-eabi-nm", "-u", whole).splitlines() if line.strip()}
     frames = [line.split("\t") for path in folder.glob("*.su") for line in path.read_text().splitlines()]
-    place, size, _ = max(frames, key=lambda frame: int(frame[1]))
     if not wanted <= ALLOWED:
         raise UnfitError(
             f"the core asks for {', '.join(sorted(wanted - ALLOWED))}; it may ask for {', '.join(ALLOWED)}"
@@ -99,8 +103,7 @@ def arm(folder: Path) -> Figures:
         "data_bytes": int(data),
         "bss_bytes": int(bss),
         "asks_for": sorted(wanted),
-        "deepest_frame_bytes": int(size),
-        "deepest_frame": place.split(":", 3)[3].split("(")[0].split("::")[-1],
+        "deepest_frame_bytes": max(int(frame[1]) for frame in frames),
     }
 
 
@@ -187,7 +190,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, default=30, help="how long libFuzzer may run (default: 30)")
     parser.add_argument("--write", action="store_true", help=f"write the figures to {FIGURES.name}")
     options = parser.parse_args()
-    checks: dict[str, tuple[Callable[[Path], Figures], tuple[object, ...]]] = {
+    checks: dict[str, tuple[Callable[[Path], Figures], tuple[str | Path, ...]]] = {
         "arm": (arm, ("arm-none-eabi-g++",)),
         "esp32": (esp32, ("clang++-22", "llc-22", PICOLIBC)),
         "flips": (flips, ("c++",)),
@@ -202,13 +205,8 @@ def main() -> int:
         running: dict[str, Future[Figures]] = {}
         for name in options.checks or checks:
             check, tools = checks[name]
-            missing = [
-                str(tool)
-                for tool in tools
-                if not ((isinstance(tool, Path) and tool.exists()) or shutil.which(tool))
-            ]
-            if missing:
-                print(f"{name}: left out, for want of {', '.join(missing)}")
+            if lacking := not_installed(tools):
+                print(f"{name}: left out, for want of {', '.join(lacking)}")
             else:
                 running[name] = pool.submit(in_a_folder, check)
         for name, result in running.items():

@@ -2,7 +2,7 @@
 //
 // The winding warms its housing, and that the room: two bodies, as in motors' data sheets. The driver with its
 // copper is a third. All parameters are on the warm side of what is known, so that the estimate is not colder than
-// the truth; firmware/thermal.py holds it against random hardware.
+// the truth; firmware/ratings.py holds it against random hardware.
 #pragma once
 
 #include "numbers.hpp"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from firmware.check import CORTEX, STRICT, around_a_bug, run
+from firmware.check import CORTEX, STRICT, around_a_bug, not_installed, run
 from firmware.emulation.link_xtensa import link
 
 EMULATION = Path(__file__).parent
@@ -34,11 +33,7 @@ Command = tuple[object, ...]
 
 def missing(processor: str) -> list[str]:
     """Return the tools of a processor that are not installed."""
-    return [
-        str(tool)
-        for tool in TOOLS[processor]
-        if not (tool.exists() if isinstance(tool, Path) else shutil.which(tool))
-    ]
+    return not_installed(TOOLS[processor])
 
 
 def build_host(sources: Sequence[Path], options: Sequence[str], folder: Path) -> tuple[Command, int]:

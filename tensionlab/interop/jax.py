@@ -97,7 +97,6 @@ def allocate(
 
     Examples
     --------
-    >>> import jax
     >>> from tensionlab.jax import allocate
     >>> tensions = allocate([[1.0, -1.0]], [2.0], (1.0, 5.0))
     >>> tensions.tolist()

@@ -47,12 +47,13 @@ def _program(policy: Policy, weights: tuple[float, ...]) -> Any:
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
     def allocation(*arrays: Array) -> tuple[Array, Array]:
-        whitened = _solve(_whitened(*arrays))
+        problem = _whitened(*arrays)
+        whitened = _solve(problem)
         if policy == "tension":
             return whitened[:2]
-        rendered = whitened[1] & _renders(whitened[0], *arrays)
+        rendered = whitened[1] & _renders(whitened[0], *arrays[:4])
         found = _solve(_least_error(policy, roots, *arrays), rendered, whitened)
-        return _along_wrench(whitened, found, *arrays) if policy == "direction" else found[:2]
+        return _along_wrench(problem, whitened, found, *arrays[:2]) if policy == "direction" else found[:2]
 
     @allocation.defjvp  # type: ignore[untyped-decorator]
     def changes(arrays: Any, tangents: Any) -> Any:
@@ -99,7 +100,7 @@ def _whitened(structure: Array, wrench: Array, lower: Array, upper: Array, refer
     return Bounded(jnp.where(known[:, None], rows, 0.0), target, lower, upper, reference)
 
 
-def _renders(tensions: Array, structure: Array, wrench: Array, lower: Array, upper: Array, _: Array) -> Array:
+def _renders(tensions: Array, structure: Array, wrench: Array, lower: Array, upper: Array) -> Array:
     """Return whether tensions render a wrench up to rounding."""
     largest = jnp.abs(structure) @ jnp.maximum(jnp.abs(lower), jnp.abs(upper)) + jnp.abs(wrench)
     return jnp.all(jnp.abs(wrench - structure @ tensions) <= _negligible(structure) * jnp.max(largest))
@@ -194,15 +195,15 @@ def _step_length(problem: Bounded, pull: Array, change: Array, slope: Array, cur
     return jnp.minimum(before - slope_at(before) / (jnp.sum(jnp.where(free, change**2, 0.0)) + curvature), after)
 
 
-def _along_wrench(first: Answer, nearest: Answer, *arrays: Array) -> tuple[Array, Array]:
+def _along_wrench(
+    problem: Bounded, first: Answer, nearest: Answer, structure: Array, wrench: Array
+) -> tuple[Array, Array]:
     """Return the tensions of the largest feasible share of the wrench, or the nearest ones where there is none.
 
     The error of each share is a direction that separates it; the share falls to the largest that this direction
-    allows, until one is feasible. ``first`` is the answer for the whole wrench in whitened coordinates.
+    allows, until one is feasible. ``first`` is the answer to the whole wrench, the whitened ``problem``.
     """
-    structure, wrench, lower, upper, _ = arrays
-    problem = _whitened(*arrays)
-    columns, target = problem.columns, problem.target
+    columns, target, lower, upper, _ = problem
     negligible = _negligible(structure)
     reaches = jnp.abs(columns) @ jnp.maximum(jnp.abs(lower), jnp.abs(upper)) + jnp.abs(target)
 
@@ -224,7 +225,7 @@ def _along_wrench(first: Answer, nearest: Answer, *arrays: Array) -> tuple[Array
         jnp.where(inside, each, part) for each, part in zip(first, (first[0], False, target), strict=True)
     )
     share, (tensions, optimal, _), _ = jax.lax.while_loop(infeasible, cut, (jnp.where(inside, 1.0, 0.0), first, 0))
-    optimal &= _renders(tensions, structure, share * wrench, *arrays[2:])
+    optimal &= _renders(tensions, structure, share * wrench, lower, upper)
     return jnp.where(share >= 0, tensions, nearest[0]), jnp.where(share >= 0, optimal, nearest[1])
 
 
@@ -245,5 +246,5 @@ def _tensions_on_face(policy: Policy, roots: NDArray[np.float64], tensions: Arra
     )
     scaled = _solution_on_face(extended, jnp.append(low, False), jnp.append(high, False))[:-1]
     share = (structure @ tensions) @ wrench / jnp.maximum(wrench @ wrench, jnp.finfo(wrench.dtype).tiny)
-    keeps = _renders(tensions, structure, share * wrench, lower, upper, reference)
-    return jnp.where(keeps & ~_renders(tensions, *arrays), scaled, found)
+    keeps = _renders(tensions, structure, share * wrench, lower, upper)
+    return jnp.where(keeps & ~_renders(tensions, *arrays[:4]), scaled, found)
