@@ -99,15 +99,8 @@ EXPORT(allocate) int allocate(int solver_index, int policy_index) {
   bool valid = false;
   find_structures(0, 1, page.structure, &valid);
   if (!valid) return -2;
-  const Batch batch{1,
-                    n,
-                    m,
-                    {page.structure, 0},
-                    {page.wrench, 0},
-                    {page.lower, 0},
-                    {page.upper, 0},
-                    {page.reference, 0},
-                    page.weights};
+  const Problem<double> problem{page.structure, page.wrench, page.lower, page.upper, page.reference};
+  const Batch batch = batch_of_one<double>(n, m, problem, page.weights);
   std::int8_t status = 0;
   std::atomic<bool> flawed{false};
   const auto solver = static_cast<Solver>(solver_index);
@@ -120,7 +113,8 @@ EXPORT(allocate) int allocate(int solver_index, int policy_index) {
     baseline::verify(batch, settings, {0, 1}, findings);
     return status;
   }
-  const AllocationSettings settings{static_cast<Rule>(1 + policy_index), kLargest, kTolerance, kRankTolerance};
+  const AllocationSettings settings{rule_of(static_cast<Policy>(policy_index)), kLargest, kTolerance,
+                                    kRankTolerance};
   std::int64_t iterations = 0;
   const SweepAnswer answer{page.tensions, page.separation, page.rendered, &page.residual,
                            &page.scale,   &status,         &iterations};

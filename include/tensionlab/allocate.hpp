@@ -77,18 +77,16 @@ class Allocator {
 
   // The answer stays valid until the next call.
   const Allocation<Real, N, M>& operator()(const Real* structure, const Real* wrench) {
-    const BatchOf<Real> batch{1,          N,          cables,         {structure, 0}, {wrench, 0},
-                              {lower, 0}, {upper, 0}, {reference, 0}, weights};
-    if (!valid(batch[0])) return fail();
+    const Problem<Real> problem{structure, wrench, lower, upper, reference};
+    if (!valid(problem)) return fail();
+    const BatchOf<Real> batch = batch_of_one<Real>(N, cables, problem, weights);
     std::int64_t iterations = 0;
     const NewtonAnswerOf<Real> answer{answer_.tensions, answer_.separation, &iterations};
     solver_.emplace(batch, policy, Precision<Real>::rank_tolerance, tolerance, answer, iteration_limit);
     solver_->solve({0, 1});
-    const Rule rule = policy == Policy::force     ? Rule::force
-                      : policy == Policy::tension ? Rule::tension
-                                                  : Rule::direction;
-    const Verifier<Real, 1, N, M> verifier(cables, weights, rule, tolerance, Precision<Real>::rank_tolerance);
-    const auto finding = verifier.verify(batch[0], answer_.tensions, answer_.wrench, answer_.separation);
+    const Verifier<Real, 1, N, M> verifier(cables, weights, rule_of(policy), tolerance,
+                                           Precision<Real>::rank_tolerance);
+    const auto finding = verifier.verify(problem, answer_.tensions, answer_.wrench, answer_.separation);
     if (finding.status == Status::failed) return fail();
     answer_.status = finding.status;
     answer_.residual = finding.residual;

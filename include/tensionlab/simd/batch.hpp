@@ -29,6 +29,7 @@ enum class Status : std::int8_t { exact = 0, nearest = 1, unproven = 2, failed =
 
 // How verification judges the error of an infeasible wrench: not at all, or as the policy demands.
 enum class Rule { none, force, tension, direction };
+constexpr Rule rule_of(Policy policy) { return static_cast<Rule>(1 + static_cast<int>(policy)); }
 
 // Arrays of one problem, each contiguous: structure (n x m, row by row), wrench (n), limits and reference (m).
 template <class Real>
@@ -56,6 +57,19 @@ struct BatchOf {
     return {structure[row], wrench[row], lower[row], upper[row], reference[row]};
   }
 };
+
+template <class Real>
+constexpr BatchOf<Real> batch_of_one(int n, int m, const Problem<Real>& problem, const Real* weights) {
+  return {1,
+          n,
+          m,
+          {problem.structure, 0},
+          {problem.wrench, 0},
+          {problem.lower, 0},
+          {problem.upper, 0},
+          {problem.reference, 0},
+          weights};
+}
 
 // Answers of the exact solver to a batch.
 template <class Real>

@@ -71,15 +71,7 @@ struct SingleSolver {
 
   // None if a number is not finite or too large.
   nb::object solve(Rule rule, int n, int m, const Problem<double>& problem, const double* weights) const {
-    const Batch batch{1,
-                      n,
-                      m,
-                      {problem.structure, 0},
-                      {problem.wrench, 0},
-                      {problem.lower, 0},
-                      {problem.upper, 0},
-                      {problem.reference, 0},
-                      weights};
+    const Batch batch = batch_of_one(n, m, problem, weights);
     AllocationSettings own_settings = settings;
     own_settings.rule = rule;
     double residual, scale, *tensions, *rendered, *separation;

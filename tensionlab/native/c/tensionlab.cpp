@@ -47,8 +47,9 @@ extern "C" int tensionlab_allocate(int n, int m, const double* structure, const 
   std::atomic<bool> flawed{false};
   const SweepAnswer answer{tensions, result->separation, result->wrench, &result->residual, &result->scale,
                            &status,  &iterations};
-  const Batch batch{1, n, m, {structure, 0}, {wrench, 0}, {lower, 0}, {upper, 0}, {reference, 0}, weights};
-  BlockSolver<1>(batch, {static_cast<Rule>(1 + policy), kLargest, kTolerance, kRankTolerance}, answer, flawed)
+  const Batch batch = batch_of_one(n, m, Problem<double>{structure, wrench, lower, upper, reference}, weights);
+  BlockSolver<1>(batch, {rule_of(static_cast<Policy>(policy)), kLargest, kTolerance, kRankTolerance}, answer,
+                 flawed)
       .solve(0, 1);
   result->iterations = static_cast<int>(iterations);
   return status;

@@ -396,8 +396,8 @@ struct FieldAnswer {
     }
     const double zeros[kMaxCables] = {}, ones[kMaxComponents] = {1, 1, 1, 1, 1, 1};
     const double *const lower = input.ranges, *const upper = input.ranges + input.m;
-    const Batch batch{1,          input.d,    input.m, {input.structure, 0}, {input.force, 0}, {lower, 0},
-                      {upper, 0}, {zeros, 0}, ones};
+    const Problem<double> problem{input.structure, input.force, lower, upper, zeros};
+    const Batch batch = batch_of_one(input.d, input.m, problem, ones);
     double separation[kMaxComponents];
     std::int64_t iterations = 0;
     newton_for_this_processor()(batch, Policy::force, kRankTolerance, kTolerance, {0, 1}, 0,
