@@ -14,7 +14,7 @@ from tools.site.browser import SOFTWARE_WEBGL as OPTIONS
 from tools.site.browser import installed
 
 VISER = "viser-v1.1.1"  # subprotocol of viser's WebSocket
-HANGS_S = 600.0  # only what hangs takes so long
+HANGS_S = 180.0  # only what hangs takes so long
 BROWSER = installed()
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
 

@@ -45,6 +45,7 @@ class SimulatedServe:
             ("tensionlab.cli.serve.ClientState", self._client_state),
             ("tensionlab.cli.common.runs.WorldClock", partial(LoopClock, self)),
             ("websockets.sync.client.connect", self.connect),
+            ("time.thread_time", lambda: 0.0),  # reading takes none of the simulated time
         ):
             monkeypatch.setattr(place, part)
         self.turns = Turns(self.loop, lambda: _status([str(word) for word in words]))

@@ -229,11 +229,13 @@ def test_a_log_is_scrubbed_and_played_in_a_browser(recorded):
             tab.set_default_timeout(1000.0 * HANGS_S)
             tab.goto(page.server.url)
 
-            def sees(text):
-                """Wait until the page shows a text, while it is served."""
+            def sees(text, opened_by=None):
+                """Wait until the page shows a text, while it is served; a click while it is drawn anew may be lost."""
 
                 def there():
                     page.turn()
+                    if opened_by:
+                        opened_by.click()
                     tab.wait_for_timeout(20.0)
                     return tab.get_by_text(text).count()
 
@@ -248,7 +250,6 @@ def test_a_log_is_scrubbed_and_played_in_a_browser(recorded):
             tab.get_by_role("button", name="Play", exact=True).click()
             sees("NEAREST")  # played, after 0.6 s
             tab.get_by_role("button", name="Previous event", exact=True).click()
-            tab.get_by_role("tab", name="Events").click()
-            sees("NEAREST, ")
+            sees("NEAREST, ", tab.get_by_role("tab", name="Events"))
     finally:
         page.close()
