@@ -17,6 +17,20 @@
 
 #define EXPORT(name) extern "C" __attribute__((export_name(#name)))
 
+// All that the kernels ask of a system: a page has no environment, and its processor no fused multiplication. Each
+// product's rounding error is found by splitting its factors (Dekker, 1971), so that the sum is good to twice the
+// precision, and exact where it is the error of a product.
+extern "C" char* getenv(const char*) { return nullptr; }
+
+extern "C" double fma(double x, double y, double z) {
+  constexpr double kSplitter = 0x1p27 + 1;
+  const double scaled_x = kSplitter * x, high_x = scaled_x - (scaled_x - x), low_x = x - high_x;
+  const double scaled_y = kSplitter * y, high_y = scaled_y - (scaled_y - y), low_y = y - high_y;
+  const double product = x * y, sum = product + z, added = sum - product;
+  const double product_error = low_x * low_y - (((product - high_x * high_y) - low_x * high_y) - high_x * low_y);
+  return sum + (((product - (sum - added)) + (z - added)) + product_error);
+}
+
 namespace tensionlab {
 
 void checkpoint() {}  // a page has no signals to handle

@@ -21,13 +21,11 @@ const ARRAYS = {
 /** Kernels as an instance of the WebAssembly module. */
 export class Kernels {
   static async load(bytes) {
-    const nothing = new Proxy({}, { get: () => () => 0 }); // the kernels ask nothing of a system
-    const { instance } = await WebAssembly.instantiate(bytes, { wasi_snapshot_preview1: nothing, env: nothing });
+    const { instance } = await WebAssembly.instantiate(bytes);
     return new Kernels(instance.exports);
   }
 
   constructor(exports) {
-    exports._initialize?.();
     this.run = exports;
     let address = exports.page_address();
     for (const [name, size] of Object.entries(ARRAYS)) {

@@ -18,6 +18,7 @@ from tests.haptics.rendering.test_renderer import Hand
 
 COULOMB, VISCOUS = 0.15, 0.1
 PLANT = {"cogging": 0.0, "damping": 25.0}
+HOME = tl.load_rig("bartels2026-validation").home
 
 
 def rig(share=1.0):
@@ -49,7 +50,7 @@ def run(believed, motion, demand, *, latency=0.0, rate=50.0, seconds=2.5, own=0.
 
 
 def to_and_fro(time):
-    return Pose(rig().home + np.array([0.05 * math.sin(2.0 * math.pi * time), 0.0, 0.0]))
+    return Pose(HOME + np.array([0.05 * math.sin(2.0 * math.pi * time), 0.0, 0.0]))
 
 
 @pytest.mark.parametrize(("latency", "rate"), [(0.0, 50.0), (0.01, 200.0), (0.02, 50.0)])
@@ -79,8 +80,7 @@ def test_a_hand_comes_to_rest_although_its_friction_is_overestimated(latency, da
     """1.5 times, as with cogging that `calibrate gain` counts; without a dead band that would be a limit cycle."""
 
     def swing():
-        home = rig().home
-        hand = Hand(home + np.array([0.03, 0.0, 0.0]), lambda place: -20.0 * (place - home), damping=damping)
+        hand = Hand(HOME + np.array([0.03, 0.0, 0.0]), lambda place: -20.0 * (place - HOME), damping=damping)
         run(rig(1.5), hand, [0.0, 0.0, 0.0], latency=latency, seconds=4.0)
         return np.ptp(np.array(hand.path[-1000:]), axis=0).max()
 
