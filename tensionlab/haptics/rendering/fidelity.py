@@ -339,9 +339,10 @@ def _latency(time: Floats, desired: Floats, measured: Floats) -> float:
     if len(time) < 8 or min(np.std(desired), np.std(measured)) < MIN_JND_N:
         return NAN
     delays = np.arange(0.0, MAX_LATENCY_S, 1e-3)
+    delayed = np.interp(time - delays[:, None], time, desired)
+    delayed -= delayed.mean(axis=1, keepdims=True)
+    varied = measured - measured.mean()
     with np.errstate(invalid="ignore"):  # a delayed force that is constant explains nothing
-        scores = np.array(
-            [np.corrcoef(np.interp(time - delay, time, desired), measured)[0, 1] for delay in delays]
-        )
+        scores = delayed @ varied / (np.linalg.norm(delayed, axis=1) * np.linalg.norm(varied))
     best = int(np.argmax(np.nan_to_num(scores)))
     return float(delays[best]) if scores[best] ** 2 > 0.5 else NAN
