@@ -37,7 +37,7 @@ def ctrl_c_at_once(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "kept"),
     [
-        (f"compare {CUBE} --out rows.csv --plot rows.png", output.NOTHING_KEPT),
+        (f"compare {CUBE} --solvers newton --out rows.csv --plot rows.png", output.NOTHING_KEPT),
         ("layout search four-in-a-room --out rig.toml", output.NOTHING_KEPT),
         ("module calibrate gain sim: --mass 0.1", output.NOTHING_KEPT),
         (
