@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
 from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, Driver, Entry, GuardedSolver, driver
-from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
+from tensionlab.benchmark.optimum import Optimum, deviations, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmark.results import ACCURACIES, QUANTITIES
 from tensionlab.benchmark.speed import quantile, seconds, shifted_geometric_mean, take_turns, without_collector
@@ -185,18 +185,12 @@ def _verify(measured: Measurements, block: Block, answer: Answer, best: Optimum)
     """Compare raw answers with limits and optimum, and verify those of a solver."""
     entry, rows, values = measured.entry, block.rows, measured.values
     problem = replace(block.problem, policy=entry.compared_policy)
-    raw = np.array(answer.tensions)
-    outside = np.maximum(problem.lower - raw, raw - problem.upper).max(axis=1)
-    tensions = np.clip(raw, problem.lower, problem.upper)
-    gap = np.abs(tensions - best.tensions).max(axis=1)
-    values["violation"][rows] = np.maximum(outside, 0.0)
-    values["error"][rows] = np.maximum(excess_error(problem, best, tensions), 0.0)
-    values["gap"][rows] = np.where(best.verified, gap, np.nan)
+    for name, found in deviations(problem, best, answer.tensions).items():
+        values[name][rows] = found
     values["reachable"][rows] = best.reachable
     values["iterations"][rows] = answer.iterations
     if entry.setting == "proved":
-        own = replace(problem, policy=entry.policy)
-        status = verify(own, replace(answer, tensions=tensions)).status
+        status = verify(replace(problem, policy=entry.policy), answer).status
         values["proved"][rows] = (status == Status.EXACT) | (status == Status.NEAREST)
 
 

@@ -89,6 +89,21 @@ def excess_error(problem: Problem, best: Optimum, tensions: Floats) -> Floats:
     return np.asarray(excess)
 
 
+def deviations(problem: Problem, best: Optimum, raw: Floats) -> dict[str, Floats]:
+    """Return how far raw tensions (B, m) are from solving each problem, (B,) each, in N; NaN where a tension is.
+
+    ``violation`` of the limits; of the tensions clipped to them, ``error`` as in `excess_error` and ``gap``, the
+    largest difference to the optimum, NaN too where that is not verified.
+    """
+    outside = np.maximum(problem.lower - raw, raw - problem.upper).max(axis=1)
+    tensions = np.clip(raw, problem.lower, problem.upper)
+    return {
+        "violation": np.maximum(outside, 0.0),
+        "error": np.maximum(excess_error(problem, best, tensions), 0.0),
+        "gap": np.where(best.verified, np.abs(tensions - best.tensions).max(axis=1), np.nan),
+    }
+
+
 def distance_bound(problem: Problem, tensions: Floats, separation: Floats | None = None) -> Floats:
     """Return an upper bound, (B,) in N, of the distance from tensions to the optimum of the same wrench.
 
