@@ -34,7 +34,8 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
     Parameters
     ----------
     kind : str, optional
-        One of "rigs", "spaces", "vectors", "published", "recordings", "what-if", "benchmarks", "problems".
+        One of "rigs", "spaces", "vectors", "published", "recordings", "what-if", "benchmarks", "tracks",
+        "problems".
     folder : path, optional
         Where the data sets are; left out: those that come with this package.
 
@@ -68,8 +69,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     -------
     object
         By folder: ``rigs`` a `tensionlab.Rig`; ``spaces`` a `LayoutTask`; ``vectors`` a (K, 3) array;
-        ``published`` and ``what-if`` a DataFrame; ``recordings`` a `Recording`;
-        ``benchmarks`` the `Results`; ``problems`` a `ProblemSet` of 1000 problems, drawn with seed 0.
+        ``published`` and ``what-if`` a DataFrame; ``recordings`` a `Recording`; ``benchmarks`` the `Results`;
+        ``tracks`` a `ProblemSet`; ``problems`` one of 1000 problems, drawn with seed 0.
 
     Raises
     ------
@@ -124,6 +125,7 @@ READERS = {
     "recordings": ("tensionlab.validation.data_tables", "read_recording"),
     "what-if": (__name__, "_read_frame"),
     "benchmarks": ("tensionlab.benchmark.results", "read"),
+    "tracks": ("tensionlab.benchmark.problem_files", "read_track"),
 }  # module and function that read a file of each kind
 
 

@@ -18,7 +18,7 @@ from tensionlab.validation.data_tables import write_recording
 from tests.helpers.recorded import made_up
 
 DATASETS = Path(__file__).parents[1] / "datasets"
-DATA = (".csv", ".json", ".parquet", ".toml")
+DATA = (".csv", ".json", ".npz", ".parquet", ".toml")
 TABLES = sorted(DATASETS.rglob("*.parquet"))
 
 
@@ -55,7 +55,7 @@ def test_every_table_is_a_data_set_with_a_card_and_a_manifest():
             assert f"`{column.partition('.')[0]}" in card, f"{path.name}: {column}"
 
 
-@pytest.mark.parametrize("folder", ["vectors", "published", "recordings", "what-if", "benchmarks"])
+@pytest.mark.parametrize("folder", ["vectors", "published", "recordings", "what-if", "benchmarks", "tracks"])
 def test_a_card_says_origin_licence_and_how_to_regenerate(folder):
     card = (DATASETS / folder / "README.md").read_text(encoding="utf-8")
     for word in ("**Origin.**", "**Licence.**", "**Regenerate.**", "**Load.**"):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parents[1] / "datasets"
 FILE = FOLDER / "SHA256SUMS"
-SUFFIXES = (".csv", ".json", ".parquet", ".toml")
+SUFFIXES = (".csv", ".json", ".npz", ".parquet", ".toml")
 
 
 def checksums() -> str:

@@ -20,21 +20,27 @@ from tensionlab.benchmark.optimum import optimum
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, Group, ProblemSet, problem_of, problem_set, size_label
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.support.arrays import Floats, check_size
-from tensionlab.support.files.reading import as_path
-from tensionlab.support.files.tables import read_npz, read_parquet
+from tensionlab.support.files.named import list_names
+from tensionlab.support.files.reading import as_path, datasets_folder
+from tensionlab.support.files.tables import check_columns, read_npz, read_parquet
 
 KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
 # Arrays of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero.
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+TRACKS = "tracks"  # folder of the data sets
+TRACK_KEYS = ("structure", "wrench", "lower", "upper", "previous")  # fields of a `Group`
 
 
 def find_problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
     """Return the problems of a set, by its name in `PROBLEM_SETS` or its path, as `read_problem_set` reads it.
 
-    Of a path, an even selection of about as many as the count; the seed has no meaning there.
+    Of a path, an even selection of about as many as the count; the seed has no meaning there. A track, by its name
+    in ``datasets/tracks``, is always whole.
     """
     if name in PROBLEM_SETS:
         return problem_set(name, count, seed)
+    if name in list_names(TRACKS):
+        return read_track(datasets_folder() / TRACKS / f"{name}.npz")
     if not Path(name).exists():
         choice = f"choose one of {', '.join(PROBLEM_SETS)}, or give {KIND}"
         raise InputError(f"no problem set is called {name!r}; {choice}")
@@ -98,10 +104,23 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
             raise DataError(f"{path}: {label}: its programs differ in size; give each size a group of its own")
         groups.append(Group(label, *(np.array(column) for column in zip(*chosen, strict=True))))
     title = f"{kept} of {len(programs)} quadratic programs" + (f"; left out: {reasons}" if reasons else "")
+    return _stored_set(str(path), title, *groups)
+
+
+def read_track(path: str | PathLike[str]) -> ProblemSet:
+    """Read the problems of a track of the leaderboard, one group, from an NPZ file of ``datasets/tracks``."""
+    name, arrays = as_path(path).stem, read_npz(path, "a track (*.npz)", DataError)
+    check_columns(list(arrays), TRACK_KEYS, (), str(path), DataError)
+    structure, wrench, lower, upper, previous = (arrays[key] for key in TRACK_KEYS)
+    group = Group(size_label(*structure.shape[1:]), structure, wrench, lower, upper, previous.astype(int))
+    start = "each from scratch" if (previous < 0).all() else "started from the problem before"
+    return _stored_set(name, f"problems of the leaderboard, {start}", group)
+
+
+def _stored_set(name: str, title: str, *groups: Group) -> ProblemSet:
+    """Return problems from files, of which the exact solver tells whether they are feasible."""
     feasible = np.concatenate([optimum(problem_of(group, "force")).reachable for group in groups])
-    return ProblemSet(
-        str(path), title, tuple(groups), "all" if feasible.all() else "mixed" if feasible.any() else "none"
-    )
+    return ProblemSet(name, title, groups, "all" if feasible.all() else "mixed" if feasible.any() else "none")
 
 
 Program = tuple[str, Mapping[str, Floats], str | None]  # where it was, its arrays by `KEYS`, and its group

@@ -18,7 +18,7 @@ from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
 from tensionlab.model.files import load_rig
 from tensionlab.solvers.base import Policy, Problem
-from tensionlab.support.arrays import Floats
+from tensionlab.support.arrays import Floats, Integers
 from tensionlab.workspace import half_spaces
 
 LOWER, UPPER = 0.5, 6.0  # tension limits of a published module, in N
@@ -50,6 +50,8 @@ class Group:
     wrench: Floats  # (B, n), in N and N·m
     lower: Floats  # tension limits in N, (B, m) or (m,)
     upper: Floats
+    # Of a track: the row of the problem just before, from whose answer a solver may start, (B,); -1 for none.
+    previous: Integers | None = None
 
     def __repr__(self) -> str:
         return f"<Group {self.label}: structure matrices {self.structure.shape}>"

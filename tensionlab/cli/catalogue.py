@@ -19,12 +19,13 @@ from tensionlab.support.files.named import SUFFIXES
 from tensionlab.support.files.reading import read_toml
 from tensionlab.support.table import Table
 
-PARQUET_TITLES = {
+TITLES = {
     "vectors": "directions of the published validation",
     "recordings": "desired, rendered and measured forces of a validation",
     "what-if": "validations of many simulated rigs",
     "benchmarks": "results of the benchmark of solvers",
-}  # what the Parquet files of each kind are; other files have a description
+    "tracks": "problems of the benchmark's leaderboard",
+}  # what the files of numbers of each kind are; other files have a description
 HINT = """\
 Verbs that take a rig or a space take its name: tensionlab compare ipanema-2. A path ends in .toml or has a "/".
 In Python: tl.load_rig("ipanema-2"), tl.datasets.load("vectors/grid18")."""
@@ -86,8 +87,8 @@ def _title(kind: str, name: str) -> str:
     """Return what a data set is, in a line or two."""
     if kind == stored.PROBLEMS:
         return problem_set(name, 1).title
-    if kind in PARQUET_TITLES:
-        return PARQUET_TITLES[kind]
+    if kind in TITLES:
+        return TITLES[kind]
     content = read_toml(stored.folder() / kind / f"{name}{SUFFIXES[kind]}", "a data set", DataError)
     return str(content.get("description") or content["source"])
 

@@ -23,6 +23,7 @@ SUFFIXES = {
     "recordings": ".parquet",
     "what-if": ".parquet",
     "benchmarks": ".parquet",
+    "tracks": ".npz",
 }  # of the files in each folder of data sets
 SEPARATORS = {"/", os.sep}
 
