@@ -1,4 +1,4 @@
-"""``tensionlab bench`` and ``problems``: the benchmark of solvers, and its problem sets."""
+"""``tensionlab bench`` and ``problems``: the benchmark of solvers, its leaderboard, and its problem sets."""
 
 from __future__ import annotations
 
@@ -10,18 +10,22 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.benchmark import experiment, report
+from tensionlab.benchmark import experiment, report, submissions
 from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import Results
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.verbs import Json, flag, option
+from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.errors import InputError
 from tensionlab.support import provenance
 from tensionlab.support.files.writing import make_folder, write_text
 
+bench = Verbs()
 
-def bench(
+
+@bench.callback(invoke_without_command=True)
+def run(
+    context: typer.Context,
     sets: Annotated[
         list[str] | None, option("A,B,...", "Problem sets, or files; all if left out.", "--set")
     ] = None,
@@ -47,6 +51,8 @@ def bench(
     tensionlab's interface. The baselines solve the plain quadratic program, at their default and at tight
     tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
+    if context.invoked_subcommand is not None:
+        return
     what = experiment.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         results = experiment.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
@@ -67,6 +73,34 @@ def bench(
             )
         else:
             output.print_table(results.table())
+
+
+@bench.command()
+def submit(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER",
+            help="A submission: submission.toml, and TRACK.npz for each track; or a folder of them.",
+        ),
+    ],
+    out: Annotated[Path | None, options.writes("Write the leaderboard here, in Markdown.", ".md")] = None,
+    json: Json = False,
+) -> None:
+    """Check submissions to the leaderboard, and rank them.
+
+    Every answer is compared with the proved optimum of its problem. `tensionlab datasets tracks` lists the tracks.
+    """
+    found = submissions.read_submissions(folder)
+    with output.ResultWriter(quiet=json) as writer:
+        if out is not None:
+            writer.write_text("leaderboard", out, submissions.to_markdown(found))
+        if json:
+            output.print_json(scores=found.to_dict("records"))
+            return
+        for table in (submissions.leaderboard(found), *submissions.times(found)):
+            output.print_table(table)
+            output.print_line()
 
 
 def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:

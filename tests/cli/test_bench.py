@@ -1,6 +1,7 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
@@ -80,3 +81,22 @@ def test_a_set_is_written_with_as_many_rows_as_asked_for(run, tmp_path):
     assert code == 0
     assert "30 problems" in out
     assert pq.read_table(file).num_rows == 30
+
+
+def test_submissions_are_ranked_in_a_table_markdown_and_json(run, tmp_path):
+    submissions = Path(__file__).parents[2] / "benchmarks" / "submissions"
+    code, out, _ = run("bench", "submit", submissions / "newton-c", "--out", tmp_path / "new.md")
+    assert code == 0
+    assert "1 newton-c   C" in out
+    assert "| 1 | newton-c | C |" in (tmp_path / "new.md").read_text(encoding="utf-8")
+    code, out, _ = run("bench", "submit", submissions / "newton-c", "--json")
+    first = json.loads(out)["scores"][0]
+    assert (first["track"], first["optimal_1e9"], first["jump"]) == ("edge-1", 1.0, None)
+    code, _, err = run("bench", "submit", tmp_path)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "no submission.toml in it" in err
+
+
+def test_an_option_of_the_benchmark_that_is_there_twice_is_refused(run):
+    code, _, err = run("bench", "--seed", 1, "--seed", 2)
+    assert (code, err) == (2, "tensionlab: --seed: it is there twice; give it once\n")

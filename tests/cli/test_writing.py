@@ -33,6 +33,7 @@ resource = pytest.importorskip("resource", reason="limits of a process stand for
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
 CUBE = RIGS / "cube-8.toml"
+SUBMISSION = RIGS.parents[1] / "benchmarks" / "submissions" / "newton"
 SPACE = Path(__file__).parents[1] / "data" / "flat_space.toml"
 COMPARE = f"compare {RIG} --solvers closed-form --directions fibonacci:2"
 SWEEP = f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --metric wrench-closure"
@@ -47,6 +48,7 @@ RECIPES = {
     ("certify", "--out"): (PROOF, ".npz"),
     ("certify", "--plot"): (PROOF, ".png"),
     ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
+    ("bench submit", "--out"): (f"bench submit {SUBMISSION}", ".md"),
     ("run", "--log"): (f"run {RIG} --seconds 0.3", ".mcap"),
     ("scenario", "--log"): (PLAYED, ".mcap"),
     ("scenario", "--plot"): (PLAYED, ".svg"),
@@ -72,7 +74,7 @@ RECIPES = {
 # What is written bit by bit under its own name, so that it outlives the process.
 IN_PLACE = {".mcap", ".csv", ".zarr"}
 READS = {"token_file", "rig", "rigs", "path", "poses", "trajectory", "program", "modules", "scenario", "sensor",
-         "caspr", "measured", "old", "new"}  # fmt: skip
+         "caspr", "measured", "old", "new", "folder"}  # fmt: skip
 QUICK = [key for key in RECIPES if key[0] not in ("validate", "characterise")]
 
 

@@ -15,5 +15,5 @@ def every_verb(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple
         command = group.get_command(None, name)
         if hasattr(command, "commands"):
             yield from every_verb(command, (*words, name))
-        else:
+        if not getattr(command, "commands", None) or command.invoke_without_command:
             yield " ".join((*words, name)), command

@@ -64,10 +64,29 @@ class HelpContext(typer.Context):
     formatter_class = HelpFormatter
 
 
+def refuse_repeats(verb: Any, context: Any, words: list[str]) -> None:
+    """Refuse an option with one value that is there twice, of which the parser would keep the last."""
+    try:
+        _, _, found = verb.make_parser(context).parse_args(list(words))
+    except ClickException as error:
+        error.ctx = error.ctx or context
+        raise
+    for each, times in Counter[Any](found).items():
+        if times == 1 or each.multiple or context.resilient_parsing:
+            continue
+        if not each.is_flag or each.secondary_opts:  # twice on is on
+            raise typer.BadParameter("it is there twice; give it once", context, each)
+
+
 class VerbGroup(TyperGroup):
     """Group of verbs, listed with all of their first lines."""
 
     context_class = HelpContext
+
+    def parse_args(self, context: Any, words: list[str]) -> list[str]:
+        """Read the words."""
+        refuse_repeats(self, context, words)
+        return super().parse_args(context, words)
 
     def format_commands(self, context: Any, formatter: Any) -> None:
         """Write the verbs."""
@@ -82,17 +101,8 @@ class Verb(TyperCommand):
     context_class = HelpContext
 
     def parse_args(self, context: Any, words: list[str]) -> list[str]:
-        """Read the words; of an option with one value, the parser would keep the last and ignore the others."""
-        try:
-            _, _, found = self.make_parser(context).parse_args(list(words))
-        except ClickException as error:
-            error.ctx = error.ctx or context
-            raise
-        for each, times in Counter[Any](found).items():
-            if times == 1 or each.multiple or context.resilient_parsing:
-                continue
-            if not each.is_flag or each.secondary_opts:  # twice on is on
-                raise typer.BadParameter("it is there twice; give it once", context, each)
+        """Read the words."""
+        refuse_repeats(self, context, words)
         return super().parse_args(context, words)
 
 
@@ -100,7 +110,8 @@ class Verbs(typer.Typer):
     """Verbs, each a `Verb`."""
 
     def __init__(self, help_text: str | None = None) -> None:
-        super().__init__(cls=VerbGroup, help=help_text, no_args_is_help=bool(help_text), rich_markup_mode=None)
+        settings: dict[str, Any] = {"help": help_text, "no_args_is_help": True} if help_text else {}
+        super().__init__(cls=VerbGroup, rich_markup_mode=None, **settings)
 
     def command(self, name: str | None = None, **settings: Any) -> Callable[[Function], Function]:
         """Return what makes a function a verb."""
