@@ -20,6 +20,7 @@ from tests.helpers.shared import make_once
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "cpp"
+SUBMISSIONS = ROOT / "benchmarks" / "submissions"
 COUNT = 4_900  # problems of a set: 10^5 in all, with three policies
 pytestmark = pytest.mark.slow  # it compiles the kernels
 
@@ -51,6 +52,17 @@ def library(prefix) -> Path:
     return next(path for path in (prefix / "lib").glob("libtensionlab.*") if path.suffix in {".so", ".dylib"})
 
 
+@pytest.fixture(scope="module")
+def programs(prefix, tmp_path_factory) -> Path:
+    """Where the examples are built, as another project."""
+
+    def build(folder: Path) -> None:
+        run("cmake", "-S", EXAMPLES, "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}")
+        run("cmake", "--build", folder)
+
+    return make_once(tmp_path_factory, "programs", build)
+
+
 class Result(ctypes.Structure):
     _fields_ = (
         ("wrench", ctypes.c_double * 6),
@@ -61,16 +73,29 @@ class Result(ctypes.Structure):
     )
 
 
-def test_another_project_finds_it_and_all_languages_agree(prefix, library, tmp_path):
-    run("cmake", "-S", EXAMPLES, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}")
-    run("cmake", "--build", tmp_path)
+def test_another_project_finds_it_and_all_languages_agree(programs, library):
     shown = re.compile(r"(exact|nearest).*: tensions ([\d. ]+) N render")
-    floats, doubles = run(tmp_path / "allocate"), run(tmp_path / "allocate_c")
-    assert run(tmp_path / "allocate_c_static") == doubles
+    floats, doubles = run(programs / "allocate"), run(programs / "allocate_c")
+    assert run(programs / "allocate_c_static") == doubles
     assert f"tensionlab {tl.__version__}" in doubles
     answers = [" ".join(answer) for answer in shown.findall(doubles)]
     assert [" ".join(answer) for answer in shown.findall(floats)] == answers
     assert run(sys.executable, EXAMPLES / "allocate_ctypes.py", library).splitlines() == [answers[0], answers[2]]
+
+
+def test_a_submission_in_c_is_on_the_leaderboard(programs, tmp_path):
+    for name in ("newton-c", "dykstra"):
+        shutil.copytree(SUBMISSIONS / name, tmp_path / "all" / name)
+    mine = (tmp_path / "all" / "newton-c").rename(tmp_path / "all" / "mine")
+    for file in mine.glob("*.npz"):
+        problems, answers = tmp_path / file.stem / "problems", tmp_path / file.stem / "answers"
+        shutil.unpack_archive(tl.datasets.folder() / "tracks" / file.name, problems, "zip")
+        answers.mkdir()
+        run(programs / "submission", problems, answers)
+        Path(shutil.make_archive(str(tmp_path / file.stem), "zip", answers)).replace(file)
+    page = tmp_path / "leaderboard.md"
+    run(sys.executable, "-m", "tensionlab", "bench", "submit", tmp_path / "all", "--out", page)
+    assert "| 1 | mine | C | 100 % |" in page.read_text(encoding="utf-8")
 
 
 def test_a_project_may_have_it_inside(tmp_path):
