@@ -40,10 +40,9 @@ nb::tuple path_coordinates(const Contiguous<double, 3>& basis, const Contiguous<
   const PathConstraints path{samples, m, r, aligned(basis), aligned(space), aligned(reach), relaxation};
   const PathAnswer answer{z.data(), multipliers.data(), polished_z.data(), polished_multipliers.data(),
                           &iterations};
-  const auto kernel = path_for_this_processor();
   {
     const nb::gil_scoped_release unlocked;
-    kernel(path, answer);
+    allocate_path(path, answer);
   }
   return nb::make_tuple(z, multipliers, polished_z, polished_multipliers, iterations);
 }

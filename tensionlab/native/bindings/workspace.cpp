@@ -194,8 +194,8 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
   Out<double, 2> shares;
   if (with_shares) shares = make_array<double>(size, 2);
   const CellVerdicts found{verdict.data(), with_shares ? shares.data() : nullptr};
-  const auto kernel = certify_cells_for_this_processor();
-  share_out(size, [&](std::size_t begin, std::size_t end) { kernel(rig, centre, half_edge, begin, end, found); });
+  share_out(size,
+            [&](std::size_t begin, std::size_t end) { certify_cells(rig, centre, half_edge, begin, end, found); });
   return nb::make_tuple(verdict, with_shares ? nb::cast(shares) : nb::none());
 }
 
@@ -207,8 +207,7 @@ Out<double, 2> bends(const In<2>& vectors, const In<1>& radii, const In<2>& axes
   const MovingCables cables{static_cast<int>(d), whole(vectors), contiguous(radii), whole(axes),
                             contiguous(moved)};
   const auto found = make_array<double>(size, d + d * d + 3);
-  const auto kernel = pulley_bends_for_this_processor();
-  share_out(size, [&](std::size_t begin, std::size_t end) { kernel(cables, begin, end, found.data()); });
+  share_out(size, [&](std::size_t begin, std::size_t end) { pulley_bends(cables, begin, end, found.data()); });
   return found;
 }
 

@@ -58,7 +58,7 @@ TENSIONLAB_KERNEL(slack_norm, const Batch&, const SlackPrices&, std::size_t begi
 // The batch's weights are the prices of the rows over mu, as their roots.
 TENSIONLAB_KERNEL(box_price, const Batch&, std::size_t begin, std::size_t end, const IterativeAnswer&)
 
-// Tensions along a path (solvers/path_kernel.cpp), in the coordinates of each sample's null space, relative to the
+// Tensions along a path (solvers/path.cpp), in the coordinates of each sample's null space, relative to the
 // largest limit. Rows: upper limits, lower limits, rises and falls, (4 samples - 2, m).
 struct PathConstraints {
   std::size_t samples, m, r;
@@ -74,6 +74,7 @@ struct PathAnswer {
   std::int64_t* iterations;
 };
 
-TENSIONLAB_KERNEL(path, const PathConstraints&, const PathAnswer&)
+// One build: wider ones are no faster.
+void allocate_path(const PathConstraints&, const PathAnswer&);
 
 }  // namespace tensionlab

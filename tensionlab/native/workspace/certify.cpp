@@ -35,7 +35,7 @@
 #include "workspace/moving_direction.hpp"
 
 namespace tensionlab {
-inline namespace TENSIONLAB_BUILD {
+namespace {
 
 // value + slope . (dp, turn) + dp' C dp / 2, a bound for all poses of a cell; C row by row up to its diagonal.
 template <int N, int D>
@@ -390,15 +390,6 @@ void certify(const CertifiedRig& rig, const double* centres, const double* half_
   }
 }
 
-void certify_cells(const CertifiedRig& rig, const double* centres, const double* half_edges, std::size_t begin,
-                   std::size_t end, const CellVerdicts& found) {
-  if (rig.d == 2) {
-    (rig.n == 2 ? certify<2, 2> : certify<3, 2>)(rig, centres, half_edges, begin, end, found);
-  } else {
-    (rig.n == 3 ? certify<3, 3> : certify<6, 3>)(rig, centres, half_edges, begin, end, found);
-  }
-}
-
 template <int D>
 void write_bends(const MovingCables& cables, std::size_t begin, std::size_t end, double* found) {
   constexpr int kNumbers = D + D * D + 3;
@@ -413,9 +404,19 @@ void write_bends(const MovingCables& cables, std::size_t begin, std::size_t end,
   }
 }
 
+}  // namespace
+
+void certify_cells(const CertifiedRig& rig, const double* centres, const double* half_edges, std::size_t begin,
+                   std::size_t end, const CellVerdicts& found) {
+  if (rig.d == 2) {
+    (rig.n == 2 ? certify<2, 2> : certify<3, 2>)(rig, centres, half_edges, begin, end, found);
+  } else {
+    (rig.n == 3 ? certify<3, 3> : certify<6, 3>)(rig, centres, half_edges, begin, end, found);
+  }
+}
+
 void pulley_bends(const MovingCables& cables, std::size_t begin, std::size_t end, double* found) {
   (cables.d == 2 ? write_bends<2> : write_bends<3>)(cables, begin, end, found);
 }
 
-}  // namespace TENSIONLAB_BUILD
 }  // namespace tensionlab

@@ -89,8 +89,9 @@ struct CellVerdicts {
   double* shares;
 };
 
-TENSIONLAB_KERNEL(certify_cells, const CertifiedRig&, const double* centres, const double* half_edges,
-                  std::size_t begin, std::size_t end, const CellVerdicts&)
+// One build: wider ones are no faster.
+void certify_cells(const CertifiedRig&, const double* centres, const double* half_edges, std::size_t begin,
+                   std::size_t end, const CellVerdicts&);
 
 // What the proof of cells takes for true of cables over pulleys, for tests: vectors from attachments to anchors
 // and axes, d numbers each, radii, and how far the attachments move.
@@ -101,6 +102,6 @@ struct MovingCables {
 
 // For each of them the direction (d), its gradient (d, d), whether what follows holds, and the bounds of the
 // change of the direction and of its gradient, per m and per m².
-TENSIONLAB_KERNEL(pulley_bends, const MovingCables&, std::size_t begin, std::size_t end, double* found)
+void pulley_bends(const MovingCables&, std::size_t begin, std::size_t end, double* found);
 
 }  // namespace tensionlab

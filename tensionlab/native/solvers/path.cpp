@@ -10,7 +10,6 @@
 #include "solvers/kernels.hpp"
 
 namespace tensionlab {
-inline namespace TENSIONLAB_BUILD {
 namespace {
 
 constexpr int kIterationLimit = 80;       // 15 to 25 are usual
@@ -20,6 +19,11 @@ constexpr double kStepShare = 0.995;      // of the way to the border of the int
 constexpr double kPolishingWeight = 1e7;  // of active constraints when their equations are solved at last
 constexpr int kPolishingSteps = 3;
 constexpr std::size_t kParts = 8;  // partial results of a reduction
+#if defined(TENSIONLAB_GNU_LIKE)
+constexpr int kWidth = 2;  // of vectors that every processor has; wider ones are no faster
+#else
+constexpr int kWidth = 1;
+#endif
 
 template <class Term>
 double sum(std::size_t size, const Term& term) {
@@ -84,7 +88,6 @@ class PathProgram {
 
  private:
   using Numbers = std::vector<double>;
-  static constexpr int kWidth = std::min(TENSIONLAB_LANES, R > 4 ? 8 : R > 2 ? 4 : 2);
   static constexpr int kRowParts = (R + kWidth - 1) / kWidth;
   static constexpr int kRow = kRowParts * kWidth;
   using V = Lanes<double, kWidth>;
@@ -324,7 +327,7 @@ class PathProgram {
 
 }  // namespace
 
-void path(const PathConstraints& constraints, const PathAnswer& answer) {
+void allocate_path(const PathConstraints& constraints, const PathAnswer& answer) {
   const auto solve = [&](auto width) { PathProgram<decltype(width)::value>(constraints).solve(answer); };
   if (constraints.r <= 2) return solve(std::integral_constant<int, 2>());
   if (constraints.r <= 3) return solve(std::integral_constant<int, 3>());
@@ -336,5 +339,4 @@ void path(const PathConstraints& constraints, const PathAnswer& answer) {
   solve(std::integral_constant<int, 32>());
 }
 
-}  // namespace TENSIONLAB_BUILD
 }  // namespace tensionlab
