@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 MAX_TIMED_CALLS = 200  # largest number of wrenches that are timed one by one, evenly spread
 CALLS_PER_TURN = 10  # calls of one solver before the next solver's turn
-MAX_TIMED_S = 2.0  # time after which a slow solver is not timed any further, beyond its first turn
+MAX_TIMED_S = 0.1  # time after which a slow solver is not timed any further, beyond its first turn
 TIMED_BATCHES = 5  # number of timed batches, one a turn; a batch longer than `QUICK_BATCH_S` is timed once
 QUICK_BATCH_S = 0.05
 NO_PATH = Continuity(np.nan, np.nan, np.nan)
@@ -270,24 +271,50 @@ def compare(
         place = rig.home if position is None else require_finite("position", position, 1)
         structure = rig.structure_matrix(place, frames=rig.at_rest)
         desired, magnitude = _directed(rig, directions, magnitude)
-    allocators = [Allocator(rig.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
-    # The answers themselves are the warm-up: what is timed is always a repeated call.
-    allocations = [allocator(structure, desired) for allocator in allocators]
-    times = _time_solvers(allocators, structure, desired, progress or (lambda _: None))
+    answers: list[Answers] = []
+    of_run: list[Answers] = []
+    for run in runs:
+        same = answers and of_run[-1].name == run.name and (of_run[-1].allocation.status == Status.EXACT).all()
+        if not same:  # what is feasible has the same answers under each policy
+            answers.append(_answer(run, rig, structure, desired))
+        of_run.append(answers[-1])
+    _time_calls(answers, structure, desired, progress or (lambda _: None))
     optima = {
         policy: Allocator(rig.limits, "newton", policy=policy)(structure, desired)
         for policy in {run.policy or POLICIES[0] for run in runs}
     }
-    jumps = [
-        path and measure_continuity(allocator, path, found)
-        for allocator, found in zip(allocators, allocations, strict=True)
-    ]
+    if path is not None:
+        for each in answers:
+            each.continuity = measure_continuity(each.allocator, path, each.allocation)
     rows = [
-        _score(place, run, desired, found, optima[run.policy or POLICIES[0]], measured, continuity or NO_PATH)
-        for run, found, measured, continuity in zip(runs, allocations, times, jumps, strict=True)
+        _score(place, run, desired, found, optima[run.policy or POLICIES[0]])
+        for run, found in zip(runs, of_run, strict=True)
     ]
     at = poses.times if isinstance(poses, Trajectory) else None
-    return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude, at)
+    allocations = tuple(each.allocation for each in of_run)
+    return Comparison(rig, place, structure, desired, tuple(rows), allocations, missing, magnitude, at)
+
+
+@dataclass
+class Answers:
+    """Answers of a solver; times in s of whole batches and of single calls, NaN where not timed."""
+
+    name: str
+    allocator: Allocator
+    allocation: Allocation
+    batches: list[float]
+    calls: Floats
+    continuity: Continuity = NO_PATH
+
+
+def _answer(run: Selected, rig: Rig, structure: Floats, wrenches: Floats) -> Answers:
+    """Return the answers of a solver to all wrenches, and how long they took after a first call."""
+    allocator = Allocator(rig.limits, guarded(run.solver), policy=run.policy)
+    allocator(structure[:1] if structure.ndim == 3 else structure, wrenches[:1])
+    began = time.perf_counter()
+    allocation = allocator(structure, wrenches)
+    calls = np.full(min(len(wrenches), MAX_TIMED_CALLS), np.nan)
+    return Answers(run.name, allocator, allocation, [time.perf_counter() - began], calls)
 
 
 def _along(
@@ -346,46 +373,36 @@ def _directed(
     return rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension), magnitude
 
 
-def _time_solvers(
-    allocators: Sequence[Allocator], structure: Floats, wrenches: Floats, progress: Callable[[float], None]
-) -> list[tuple[Floats, float]]:
-    """Return the times of each solver, in s: of some calls, NaN where not timed, and of a wrench in one batch."""
-    chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), MAX_TIMED_CALLS)).astype(int))
+def _time_calls(
+    answers: Sequence[Answers], structure: Floats, wrenches: Floats, progress: Callable[[float], None]
+) -> None:
+    """Time calls of each solver for single wrenches, evenly spread, and more batches of quick ones."""
+    count = len(answers[0].calls)
     structures = np.broadcast_to(structure, (len(wrenches), *structure.shape[-2:]))
-    batch = [[seconds(allocator, structure, wrenches)] for allocator in allocators]
-    calls = np.full((len(allocators), len(chosen)), np.nan)
+    chosen = np.linspace(0, len(wrenches) - 1, count).astype(int)
 
-    def time_call(run: int, call: int) -> float:
-        return seconds(allocators[run], structures[chosen[call]], wrenches[chosen[call]])
+    def time_call(solver: int, call: int) -> float:
+        return seconds(answers[solver].allocator, structures[chosen[call]], wrenches[chosen[call]])
 
     def turns() -> Iterator[tuple[range, dict[int, Callable[[int], float]]]]:
-        for turn, first in enumerate(range(0, len(chosen), CALLS_PER_TURN)):
-            timed = [run for run in range(len(allocators)) if np.nansum(calls[run]) <= MAX_TIMED_S]
-            for run in timed if turn < TIMED_BATCHES else ():
-                if batch[run][0] < QUICK_BATCH_S:
-                    batch[run].append(seconds(allocators[run], structure, wrenches))
-            last = min(first + CALLS_PER_TURN, len(chosen))
-            yield range(first, last), {run: partial(time_call, run) for run in timed}
-            progress(last / len(chosen))
+        for turn, first in enumerate(range(0, count, CALLS_PER_TURN)):
+            timed = [index for index, each in enumerate(answers) if np.nansum(each.calls) <= MAX_TIMED_S]
+            for each in answers if turn < TIMED_BATCHES else ():
+                if each.batches[0] < QUICK_BATCH_S:
+                    each.batches.append(seconds(each.allocator, structure, wrenches))
+            last = min(first + CALLS_PER_TURN, count)
+            yield range(first, last), {index: partial(time_call, index) for index in timed}
+            progress(last / count)
 
-    for run, call, spent in take_turns(turns(), np.random.default_rng(0)):
-        calls[run, call] = spent
-    return [(own, float(np.median(each)) / len(wrenches)) for own, each in zip(calls, batch, strict=True)]
+    for solver, call, spent in take_turns(turns(), np.random.default_rng(0)):
+        answers[solver].calls[call] = spent
 
 
-def _score(
-    place: Floats,
-    run: Selected,
-    desired: Floats,
-    found: Allocation,
-    best: Allocation,
-    times: tuple[Floats, float],
-    continuity: Continuity,
-) -> Score:
+def _score(place: Floats, run: Selected, desired: Floats, answers: Answers, best: Allocation) -> Score:
     """Return the statistics of the answers of one solver at one position, or along a trajectory."""
+    found, continuity = answers.allocation, answers.continuity
     d, counts = place.shape[-1], found.counts()
     angle, gaps = angles(desired[:, :d], found.wrench[:, :d]), abs(found.tensions - best.tensions)
-    calls, batch_s = times
     return Score(
         solver=run.name,
         policy=run.policy,
@@ -404,9 +421,9 @@ def _score(
         step_max=continuity.step,
         iterations_max=_finite(np.max, found.iterations),
         gap_max=_finite(np.max, gaps[best.status == Status.EXACT] if run.policy is None else gaps),
-        call_median_s=float(np.nanmedian(calls)),
-        call_p99_s=float(np.nanquantile(calls, 0.99)),
-        batch_s=batch_s,
+        call_median_s=float(np.nanmedian(answers.calls)),
+        call_p99_s=float(np.nanquantile(answers.calls, 0.99)),
+        batch_s=float(np.median(answers.batches)) / len(desired),
     )
 
 
