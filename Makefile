@@ -129,6 +129,7 @@ notebooks: .venv/dev.stamp
 # What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
 generated: .venv/dev.stamp
 	@$(BIN)/python -m tools.generate_docs
+	@$(BIN)/tensionlab bench submit benchmarks/submissions --out benchmarks/submissions/README.md > /dev/null
 
 checksums: .venv/bin/python
 	@$(BIN)/python -m tools.checksums

@@ -20,7 +20,7 @@ from benchmarks.workspace import LOWER, UPPER
 from tensionlab.allocation import Allocation, allocate
 from tensionlab.benchmark.speed import describe_kernels, using_threads
 from tensionlab.gradients import allocation_jacobian
-from tensionlab.solvers.base import POLICIES, Policy, Status
+from tensionlab.solvers.base import POLICIES, Policy, Problem, Status
 from tensionlab.support.arrays import Floats
 
 TOLERANCE = 1e-7  # largest difference, against the largest entry of an array of derivatives, or 1
@@ -32,17 +32,8 @@ STEP = 1e-3  # of the differences, where derivatives are small; it becomes short
 ARGUMENTS = ("structure", "wrench", "lower", "upper", "reference")
 
 
-@dataclass(frozen=True)
-class Problems:
+class Problems(Problem):
     """Problems of one size; each has its own limits and reference."""
-
-    structure: Floats
-    wrench: Floats
-    lower: Floats
-    upper: Floats
-    reference: Floats
-    weights: Floats
-    policy: Policy
 
     def solve(self, **changed: Floats) -> Allocation:
         """Return tensions, with some of `ARGUMENTS` changed: (B, K, ...)."""
