@@ -37,6 +37,7 @@ class SimulatedModule {
   void receive(const std::uint8_t* bytes, std::size_t size, std::uint32_t ahead_us) {
     module_.receive(bytes, size, now_us_ + ahead_us);
   }
+  void overhear(const std::uint8_t* bytes, std::size_t size) { module_.overhear(bytes, size, now_us_); }
   void close_link() { module_.link_closed(now_us_); }
   std::size_t transmit(std::uint8_t* bytes, std::size_t room) { return module_.transmit(bytes, room); }
 

@@ -193,6 +193,8 @@ void bind_firmware(nb::module_& module) {
            [](const SimulatedModule& self) { return to_bytes(self.stored().data(), self.stored().size()); })
       .def("receive", [](SimulatedModule& self, const nb::bytes& bytes,
                          std::uint32_t ahead_us) { self.receive(bytes_of(bytes), bytes.size(), ahead_us); })
+      .def("overhear",
+           [](SimulatedModule& self, const nb::bytes& bytes) { self.overhear(bytes_of(bytes), bytes.size()); })
       .def("transmit", &transmit)
       .def("close_link", &SimulatedModule::close_link)
       .def("advance", &advance)
