@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind numpy hatch-fancy-pypi-readme $(foreac
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*.h include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check dangers emulate sanitize sbom release-check format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check model dangers emulate sanitize sbom release-check format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -137,6 +137,10 @@ checksums: .venv/bin/python
 # Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
 firmware-check: .venv/dev.stamp
 	@$(BIN)/python firmware/check.py
+
+# The supervisor and a host's stop, in all states that SPIN finds: a minute. `--write` keeps the figures.
+model: .venv/dev.stamp
+	@$(BIN)/python firmware/model/check.py
 
 # A thousand runs of each danger: a quarter of an hour on two cores. `--write` keeps the figures.
 dangers: .venv/dev.stamp

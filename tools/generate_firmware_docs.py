@@ -16,6 +16,7 @@ from inspect import get_annotations, getdoc
 from pathlib import Path
 from typing import get_type_hints
 
+from firmware.model.check import PROPERTIES
 from tensionlab.hardware.protocol import codes
 from tensionlab.hardware.protocol.codes import EVENTS, PARAMETERS, DescribedCode, Fault
 from tensionlab.hardware.protocol.messages import CHECKSUM_BYTES, DELIMITER, MESSAGES, Message, SetTension
@@ -202,6 +203,24 @@ def allocator() -> str:
     return table(head, rows)
 
 
+def model() -> str:
+    """Return what `firmware/model/check.py --write` explored: the properties, and the errors that break them."""
+    measured = json.loads((FOLDER / "model" / "model.json").read_text())
+    broken_by: dict[str, list[str]] = {}
+    for found in measured["errors"]:
+        broken_by.setdefault(found["property"], []).append(f"`{found['error']}`")
+    searches = {row["environment"]: row for row in measured["properties"]}
+    links, service = (
+        f"{found['states']:,} states and {found['transitions']:,} transitions"
+        for found in (searches["links"], searches["service"])
+    )
+    rows = [(text, ", ".join(broken_by[name])) for name, text in PROPERTIES.items()]
+    return (
+        f"All hold in {links} with the host's frames,\nand in {service} with faults, settings and the brake.\n\n"
+        + table(("Property", "Errors that break it, all found"), rows)
+    )
+
+
 def ratings() -> str:
     """Return the table of what `firmware/ratings.py --write` computed."""
     measured = json.loads((FOLDER / "ratings.json").read_text())
@@ -272,6 +291,7 @@ def sections() -> dict[str, dict[str, str]]:
             "core": core(),
             "allocator": allocator(),
             "dangers": dangers(),
+            "model": model(),
             "ratings": ratings(),
             "estimate": estimate(),
         },
