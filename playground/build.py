@@ -52,7 +52,9 @@ def compile_source(source: Path, defines: list[str]) -> Path:
 
 def run_zig(*arguments: str) -> None:
     """Run the compiler or the linker; RuntimeError with its message if it fails."""
-    run = subprocess.run([sys.executable, "-m", "ziglang", *arguments], capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-m", "ziglang", *arguments], capture_output=True, text=True, check=False
+    )
     if run.returncode:
         raise RuntimeError(run.stderr)
 

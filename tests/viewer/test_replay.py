@@ -230,7 +230,7 @@ def test_a_log_is_scrubbed_and_played_in_a_browser(recorded):
             tab.goto(page.server.url)
 
             def sees(text, opened_by=None):
-                """Wait until the page shows a text, while it is served; a click while it is drawn anew may be lost."""
+                """Wait until the page shows a text, while it is served; one click may be lost."""
 
                 def there():
                     page.turn()
