@@ -201,6 +201,9 @@ def certify(
             "0|1", "1: prove what survives the loss of any one cable, which then has no tension.", min=0, max=1
         ),
     ] = 0,
+    gap: Annotated[
+        float, option("SHARE", "Stop when no more than this share of the box is undecided.", min=0.0, max=0.99)
+    ] = 0.0,
     out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,
@@ -217,9 +220,13 @@ def certify(
     required_wrenches = loaded.required if loaded.required else WRENCH_CLOSURE
     began = time.perf_counter()
     with output.ResultWriter(quiet=json) as writer:
-        with output.progress("Cells") as progress:
-            proved = prove(loaded, region, required_wrenches, steps, rotations=turned, losses=loss,
-                           frames=loaded.at_rest, scheduler=scheduler, progress=progress)  # fmt: skip
+        with output.progress("Cells") as bar:
+
+            def report(done: float, volume: Bounds) -> None:
+                bar(done, f"{volume.describe()} inside")
+
+            proved = prove(loaded, region, required_wrenches, steps, rotations=turned, losses=loss, gap=gap,
+                           frames=loaded.at_rest, scheduler=scheduler, progress=report)  # fmt: skip
         duration_s = time.perf_counter() - began
         if out is not None:
             writer.write("cells", out, lambda path: _write_cells(path, proved))

@@ -16,7 +16,7 @@ from tensionlab.model.pose import Frames, frame_of
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, check_size
-from tensionlab.workspace.certified import CertifiedWorkspace, Subdivision, intersection, subdivide
+from tensionlab.workspace.certified import Bounds, CertifiedWorkspace, Subdivision, intersection, subdivide
 from tensionlab.workspace.interference import cable_pairs, closest_pair, distances_to_placed, with_bodies
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster
 
@@ -43,9 +43,10 @@ def certify(
     clearance: float | None = None,
     bodies: Sequence[Body] | None = None,
     losses: int = 0,
+    gap: float = 0.0,
     frames: Frames | None = None,
     scheduler: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float, Bounds], None] | None = None,
 ) -> CertifiedWorkspace:
     """Prove where in a region every pose of a rig renders all that is required, and where none does.
 
@@ -86,8 +87,12 @@ def certify(
     losses : 0 or 1
         1: the proof holds after the loss of any one cable, which then has tension zero, not its minimum.
         `CertifiedWorkspace.losses` has the proof for each.
-    frames, scheduler, progress
-        As in `tensionlab.sweep`; progress is the decided share of the region.
+    gap : float
+        Undecided share of the region at which it stops dividing cells, if the resolution does not end it before.
+    frames, scheduler
+        As in `tensionlab.sweep`.
+    progress : callable, optional
+        Called with the decided share of the region, and the bounds of the workspace's volume until then.
 
     Examples
     --------
@@ -100,6 +105,8 @@ def certify(
     """
     if bodies is not None:
         rig = with_bodies(rig, bodies)
+    if not 0.0 <= gap < 1.0:
+        raise InputError(f"gap is {gap}; give a share of the region, from 0 to less than 1")
     problem = cell_problem(rig, required, rotations, angle, frames, clearance)
     cells = subdivide(region, resolution, rig.dimension)
     if isinstance(required, str):
@@ -111,16 +118,16 @@ def certify(
     if rig.bodies:
         words += f", cables clear of {', '.join(body.name for body in rig.bodies)}"
     if not losses:
-        return _prove_cells(rig, problem, words, cells, scheduler, progress)
+        return _prove_cells(rig, problem, words, cells, gap, scheduler, progress)
     proofs: dict[str, CertifiedWorkspace] = {}
     for lost, remaining in _after_losses(rig, problem, losses).items():
         begun = len(proofs)
 
-        def report(settled: float, begun: int = begun) -> None:
+        def report(settled: float, bounds: Bounds, begun: int = begun) -> None:
             if progress is not None:
-                progress((begun + settled) / rig.m)
+                progress((begun + settled) / rig.m, bounds)
 
-        proofs[lost] = _prove_cells(rig, remaining, f"{words}, {lost} lost", cells, scheduler, report)
+        proofs[lost] = _prove_cells(rig, remaining, f"{words}, {lost} lost", cells, gap, scheduler, report)
     return intersection(proofs, f"{words}, any one cable lost")
 
 
@@ -129,12 +136,13 @@ def _prove_cells(
     problem: CellProblem,
     words: str,
     cells: Subdivision,
+    gap: float,
     scheduler: str | None,
-    progress: Callable[[float], None] | None,
+    progress: Callable[[float, Bounds], None] | None,
 ) -> CertifiedWorkspace:
-    """Prove a statement, in these words, of cells of the first level and down to the last."""
+    """Prove a statement, in these words, of cells of the first level and down to the last, or to the gap."""
     found: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
-    settled, places = 0.0, cells.first()  # volume that is settled, and cells of the level to examine
+    settled, proved, places = 0.0, np.zeros(2), cells.first()  # volumes that are settled, and inside and outside
     evaluations = 0
     for level in range(cells.levels + 1):
         if len(places) > MAX_CELLS:
@@ -143,6 +151,7 @@ def _prove_cells(
                 "a longer one, or a smaller region"
             )
         evaluations += len(places)
+        cell_volume = float(cells.cell_volume(level))
         undecided, starts = [places[:0]], range(0, len(places), CHUNK_CELLS)
         tasks = [CellTask(problem, cells, level, places[start : start + CHUNK_CELLS]) for start in starts]
         here = ((task, task.evaluate()) for task in tasks)
@@ -152,10 +161,16 @@ def _prove_cells(
             done = ~divided
             own = task.places[done]
             found.append((np.full(len(own), level, np.int8), own, verdicts.verdict[done], verdicts.shares[done]))
-            settled += len(own) * float(cells.cell_volume(level))
+            settled, proved = settled + len(own) * cell_volume, proved + found[-1][3].sum(axis=0) * cell_volume
             if progress is not None:
-                progress(settled / cells.volume)
-        places = cells.children(np.concatenate(undecided))
+                progress(settled / cells.volume, Bounds(proved[0], cells.volume - proved[1]))
+        left = np.concatenate(undecided)
+        if len(left) * cell_volume <= gap * cells.volume:
+            found.append(
+                (np.full(len(left), level, np.int8), left, np.zeros(len(left), np.int8), np.zeros((len(left), 2)))
+            )
+            break
+        places = cells.children(left)
     level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))
     return CertifiedWorkspace(rig, problem.anchors[0], words, cells, level_of, place, verdict, shares, evaluations)
 

@@ -128,7 +128,7 @@ class Bounds(NamedTuple):
 class CertifiedWorkspace:
     """Proof about a region: in which cells every pose renders all that is required, and in which none does.
 
-    Cells are boxes of positions; those that are undecided are of the finest size.
+    Cells are boxes of positions; those that are undecided are of the finest size, unless a gap was given.
 
     Attributes
     ----------

@@ -227,8 +227,11 @@ def fields(thing: object, *names: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def progress(what: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar on stderr while long work lasts, if that is a terminal; yield what takes the share done."""
+def progress(what: str) -> Iterator[Callable[..., None]]:
+    """Show a bar on stderr while long work lasts, if that is a terminal.
+
+    Yield what takes the share done, and what has been found until then, if anything.
+    """
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -240,10 +243,10 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
     bar = Progress(*columns, console=console(stderr=True), transient=True, disable=not sys.stderr.isatty())
     task, began = bar.add_task(what, total=1.0), time.perf_counter()
 
-    def report(done: float) -> None:
+    def report(done: float, found: str = what) -> None:
         if time.perf_counter() - began > BAR_AFTER_S:
             bar.start()
-        bar.update(task, completed=done)
+        bar.update(task, completed=done, description=found)
 
     try:
         yield report

@@ -24,11 +24,30 @@ def test_a_cluster_proves_the_same(monkeypatch):
     shares = []
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where) as cluster:
         scheduler = cluster.scheduler_address
-        found = tl.workspace.certify(rig, REGION, BALL, 0.02, scheduler=scheduler, progress=shares.append)
+        found = tl.workspace.certify(
+            rig, REGION, BALL, 0.02, scheduler=scheduler, progress=lambda share, _: shares.append(share)
+        )
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
     for one, other in zip(in_order(found), in_order(whole), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_bounds_close_until_the_gap_that_was_asked_for():
+    rig, bounds = tl.load_rig("bartels2026-validation"), []
+    whole = tl.workspace.certify(rig, REGION, BALL, 0.02, progress=lambda _, volume: bounds.append(volume))
+    rough = tl.workspace.certify(rig, REGION, BALL, 0.02, gap=0.2)
+    lower, upper = np.array(bounds).T
+    assert (np.diff(lower) >= 0).all()
+    assert (np.diff(upper) <= 0).all()
+    assert bounds[-1] == pytest.approx(whole.volume)
+    assert rough.volume.lower <= whole.volume.lower
+    assert whole.volume.upper <= rough.volume.upper
+    assert 0.05 < rough.share.upper - rough.share.lower <= 0.2
+    assert rough.evaluations < whole.evaluations / 3
+    assert rough.cell_volumes.sum() == pytest.approx(rough.region_volume)
+    with pytest.raises(InputError, match=r"gap is 1.0; give a share"):
+        tl.workspace.certify(rig, REGION, BALL, 0.02, gap=1.0)
 
 
 def test_more_cells_than_memory_holds_are_refused(monkeypatch):
