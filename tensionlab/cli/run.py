@@ -59,6 +59,13 @@ def run(
         bool,
         flag("--rate-limited", "Only tensions that the modules reach within a cycle, in place of the solver's."),
     ] = False,
+    real_time: Annotated[
+        int | None,
+        option(
+            "PROCESSOR",
+            "Bind the run to a processor, with SCHED_FIFO and locked memory, as far as the system allows.",
+        ),
+    ] = None,
     seconds: options.Duration = None,
     on_loss: Annotated[
         OnLoss, option("stop|continue", "When a module is lost: stop, or continue without it.")
@@ -83,7 +90,7 @@ def run(
     demand = _demand(loaded, force, program, rate)
     if require_fidelity and force is None and program is None:
         raise typer.BadParameter("--require-fidelity is for a desired force; give --force or --program")
-    settings = RunSettings(rate, ttl, on_loss, policy, rate_limited)  # type: ignore[arg-type]  # it checks them
+    settings = RunSettings(rate, ttl, on_loss, policy, rate_limited, real_time)  # type: ignore[arg-type]  # it checks them
     options.check_solvers(loaded, [solver], policy)
     tracker = _tracker(loaded, at)
     if view:

@@ -16,7 +16,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,6 +26,8 @@ Result = TypeVar("Result")
 OPEN_ELSEWHERE_S = 1.0
 RETRY_PERIOD_S = 0.01
 NICENESS = 10  # priority of background processes
+FIFO_PRIORITY = 40  # below that of the kernel's threads for interrupts (50), which bring the modules' reports
+MCL_CURRENT = 1  # of mlockall: the pages of now; those that a run maps later may exceed a limit, and fail
 KERNEL_THREADS = "TENSIONLAB_NUM_THREADS"  # environment variable with the number of threads of our kernels
 LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "RAYON_NUM", "VECLIB_MAXIMUM")
 # Environment with one thread for each library, which reads it when it is loaded.
@@ -159,11 +161,57 @@ def reader_has_gone(error: OSError) -> bool:
     return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and error.errno == errno.EINVAL)
 
 
+def usable_processors() -> list[int]:
+    """Return the numbers of the processors that this process may use."""
+    if sys.platform == "linux":
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+@contextmanager
+def real_time(processor: int) -> Iterator[list[str]]:
+    """Bind this thread to a processor, schedule it with `SCHED_FIFO`, and lock the memory of the process.
+
+    Yields a clause for each of them: what was granted, or why it was refused and what to do. Linux alone has them.
+    All are undone in the end. Threads that start meanwhile inherit the processor and the priority.
+    """
+    if sys.platform != "linux":
+        yield ["real-time scheduling was refused: only Linux has it"]
+        return
+    import ctypes
+
+    library = ctypes.CDLL(None, use_errno=True)
+    usable, policy, parameter = os.sched_getaffinity(0), os.sched_getscheduler(0), os.sched_getparam(0)
+
+    def lock_memory() -> None:
+        if library.mlockall(MCL_CURRENT):
+            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+    allow = "run as root, or give the user `{}` in /etc/security/limits.conf"
+    steps: list[tuple[str, str, Callable[[], Any], Callable[[], Any]]] = [
+        (f"processor {processor}", "choose another", lambda: os.sched_setaffinity(0, {processor}),
+         lambda: os.sched_setaffinity(0, usable)),
+        (f"SCHED_FIFO with priority {FIFO_PRIORITY}", allow.format(f"rtprio {FIFO_PRIORITY}"),
+         lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY)),
+         lambda: os.sched_setscheduler(0, policy, parameter)),
+        ("locked memory", allow.format("memlock unlimited"), lock_memory, library.munlockall),
+    ]  # fmt: skip
+    outcome = []
+    with ExitStack() as granted:
+        for name, advice, request, undo in steps:
+            try:
+                request()
+            except OSError as error:
+                outcome.append(f"{name} was refused ({error.strerror}): {advice}")
+            else:
+                granted.callback(undo)
+                outcome.append(name)
+        yield outcome
+
+
 def processors() -> int:
     """Return how many processors this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(usable_processors())
 
 
 def processor_name() -> str:

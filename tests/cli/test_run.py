@@ -3,6 +3,8 @@
 import importlib
 import os
 import signal
+import sys
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +18,7 @@ from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.settings import RealClock
-from tensionlab.support.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL, usable_processors
 from tests.helpers.reachable import ReachableRig
 
 PATH = "datasets/rigs/bartels2026-validation.toml"
@@ -55,6 +57,36 @@ def test_a_signal_ends_a_run_in_good_order(run, reachable, tmp_path, monkeypatch
     assert {module.sample.state for module in reachable.world.modules} == {state}
     reachable.world.advance(0.1)  # cables are let go as slowly as tensions may change
     assert not any(module.sample.driver_on for module in reachable.world.modules)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone has it")
+def test_the_threads_of_a_run_in_real_time_are_scheduled_as_it_says(run, simulated_time, tmp_path, monkeypatch):
+    def scheduled(pid):
+        return os.sched_getscheduler(pid), os.sched_getaffinity(pid)
+
+    def demand(state):
+        found.append((scheduled(0), [scheduled(each.native_id) for each in threading.enumerate()[1:]]))
+        return Demand()
+
+    monkeypatch.setattr(importlib.import_module("tensionlab.cli.run"), "_demand", lambda *words: demand)
+    log, before, found, last = tmp_path / "run.mcap", scheduled(0), [], usable_processors()[-1]
+    status, _, err = run("run", PATH, "--real-time", last, "--seconds", 0.1, "--log", log)
+    said = next(event.text for event in read_run(log).events if event.kind == "scheduling")
+    assert status == 0
+    assert err.endswith(f"\nreal-time scheduling: {said}\n")
+    policy = before[0] if "SCHED_FIFO with priority 40 was refused" in said else os.SCHED_FIFO
+    for own, others in found:
+        assert own == (policy, {last})
+        assert len(others) >= 2  # the watchdog's and the log's: neither waits for the run's
+        assert all(each == before for each in others)
+    assert scheduled(0) == before
+
+
+def test_a_processor_that_is_not_there_is_refused_before_anything_starts(run):
+    status, out, err = run("run", PATH, "--real-time", 100_000)
+    assert (status, out) == (2, "")
+    assert err.startswith("tensionlab: this process may use the processors ")
+    assert "simulating" not in err
 
 
 def test_a_second_host_is_refused_and_the_first_goes_on(run, reachable, monkeypatch, locks_folder):

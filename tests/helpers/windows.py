@@ -17,10 +17,13 @@ import pytest
 import serial  # noqa: F401
 
 LACKING = {
-    os: ("getuid", "geteuid", "fork", "openpty", "ttyname", "mkfifo", "sched_getaffinity", "uname", "nice"),
+    os: (
+        "getuid", "geteuid", "fork", "openpty", "ttyname", "mkfifo", "uname", "nice",
+        "sched_getaffinity", "sched_setaffinity", "sched_setscheduler", "sched_getscheduler",
+    ),
     select: ("poll", "epoll", "POLLIN", "POLLHUP"),
     signal: ("SIGHUP", "SIGUSR1", "SIGUSR2", "SIGKILL", "SIGALRM", "SIGPIPE", "pthread_kill", "setitimer"),
-}
+}  # fmt: skip
 NOT_THERE = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")
 SIGBREAK = signal.Signals(21)  # its number on Windows; here that signal is not sent to tests
 

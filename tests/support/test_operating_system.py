@@ -5,12 +5,14 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -264,6 +266,50 @@ def test_processors_on_linux(monkeypatch):
     monkeypatch.setattr("platform.processor", lambda: "x86_64")
     monkeypatch.setattr(Path, "read_text", lambda self, encoding: "processor\t: 0\n")
     assert operating_system.processor_name() == "x86_64"
+
+
+def scheduled():
+    return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, os.sched_getaffinity(0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone has it")
+def test_real_time_scheduling_lasts_as_long_as_its_context():
+    before, last = scheduled(), operating_system.usable_processors()[-1]
+    with pytest.raises(RuntimeError), operating_system.real_time(last) as outcome:  # noqa: PT012
+        granted = ["refused" not in clause for clause in outcome]
+        expected = (os.SCHED_FIFO, operating_system.FIFO_PRIORITY) if granted[1] else before[:2]
+        assert scheduled() == (*expected, {last})
+        locked = re.search(r"^VmLck:\s*(\d+)", Path("/proc/self/status").read_text(), re.MULTILINE)
+        assert (int(locked[1]) > 0) == granted[2]
+        raise RuntimeError
+    assert granted[0]
+    assert scheduled() == before
+    assert re.search(r"^VmLck:\s*0 kB", Path("/proc/self/status").read_text(), re.MULTILINE)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone has it")
+def test_each_part_of_real_time_scheduling_that_is_refused_says_what_to_do(monkeypatch):
+    before = scheduled()
+    for name, number in (("sched_setaffinity", errno.EINVAL), ("sched_setscheduler", errno.EPERM)):
+        monkeypatch.setattr(os, name, raising(OSError(number, os.strerror(number))))
+    monkeypatch.setattr("ctypes.CDLL", lambda *_, **__: SimpleNamespace(mlockall=lambda _: -1, munlockall=None))
+    monkeypatch.setattr("ctypes.get_errno", lambda: errno.ENOMEM)
+    limits = "in /etc/security/limits.conf"
+    with operating_system.real_time(1) as outcome:
+        assert outcome == [
+            "processor 1 was refused (Invalid argument): choose another",
+            "SCHED_FIFO with priority 40 was refused (Operation not permitted): run as root, or give the user "
+            f"`rtprio 40` {limits}",
+            "locked memory was refused (Cannot allocate memory): run as root, or give the user "
+            f"`memlock unlimited` {limits}",
+        ]
+    assert scheduled() == before
+
+
+def test_real_time_scheduling_elsewhere(windows):
+    with windows.real_time(0) as outcome:
+        assert outcome == ["real-time scheduling was refused: only Linux has it"]
+    assert windows.usable_processors() == list(range(os.cpu_count() or 1))
 
 
 def test_elsewhere_a_file_that_is_refused_is_refused_at_once():

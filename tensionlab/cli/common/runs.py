@@ -97,7 +97,7 @@ def open_sinks(
 
 
 class FidelitySink:
-    """Sink of a run that tells its fidelity, from its latest `MAX_TIMES` cycles."""
+    """Sink of a run that tells its fidelity, from its latest `MAX_TIMES` cycles, and how it is scheduled."""
 
     def __init__(self, rig: Rig) -> None:
         self._record, self._required = FidelityRecord(rig, MAX_TIMES), rig.required.middle(rig)
@@ -116,7 +116,9 @@ class FidelitySink:
         """Take nothing."""
 
     def note(self, event: RunEvent) -> None:
-        """Take nothing."""
+        """Print what the system granted of real-time scheduling."""
+        if event.kind == "scheduling":
+            output.print_message(f"real-time scheduling: {event.text}")
 
     def close(self, statistics: Statistics) -> None:
         """Take nothing."""

@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +40,7 @@ from tensionlab.hardware.sharing import SharedRun
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_count
-from tensionlab.support.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL, real_time
 
 FIRST_TELEMETRY_TIMEOUT_S = 2.0
 MAX_EARLY_S = 1e-3  # a cycle starting this long before its deadline means the clock was set back
@@ -134,7 +134,8 @@ class Runner:
             interrupts.throw(Hung(why))
 
         self._watchdog = Watchdog(interrupt, self._abandon)
-        watched = self._watchdog.watching() if getattr(self._clock, "real_time", False) else nullcontext()
+        in_real_time = getattr(self._clock, "real_time", False)
+        watched = self._watchdog.watching() if in_real_time else nullcontext()
         if not any(isinstance(sink, SharedRun) for sink in self.sinks):
             self.sinks.append(SharedRun(self.rig, self._solver, self.settings, self.modules.clients))
         with interrupts.caught(STOPPING_SIGNALS):
@@ -142,8 +143,14 @@ class Runner:
             switch_interval = sys.getswitchinterval()
             sys.setswitchinterval(THREAD_SWITCH_S)
             try:
-                with watched:
-                    self.statistics.ended = self._render(self._begin(), seconds)
+                with watched, ExitStack() as scheduled:
+                    modules = self._begin()
+                    # Threads inherit it: the watchdog's, and those of sinks, have started before.
+                    if in_real_time and self.settings.processor is not None:
+                        granted = scheduled.enter_context(real_time(self.settings.processor))
+                        self.note("scheduling", "; ".join(granted))
+                    self._arm(modules)
+                    self.statistics.ended = self._render(modules, seconds)
             except Interrupted as interrupted:
                 self.statistics.emergency = emergency = interrupted.number == ESTOP_SIGNAL
                 self.statistics.ended = records.EMERGENCY_STOP if emergency else f"signal {interrupted}"
@@ -161,7 +168,7 @@ class Runner:
         return self.statistics
 
     def _begin(self) -> ArmedModules:
-        """Have all modules report, arm them, and take up slack."""
+        """Have all modules report, and the solver give its first answer."""
         rig, settings, clock = self.rig, self.settings, self._clock
         self.modules.prepare(rig, settings.telemetry_ms)
         modules = ArmedModules(rig, self.modules, settings, clock, self.statistics, self.note)
@@ -183,14 +190,13 @@ class Runner:
         if settings.rate_limited:
             self._allocator = modules.allocate_within_rates
         self._watchdog.rest()
-        clock.wait_until(clock.now())  # simulated modules catch up with that before they are armed
-        self.modules.arm(modules.tensions)
-        self.note("armed", format_count(rig.m, "module"))
-        self._pretension(modules)
         return modules
 
-    def _pretension(self, modules: ArmedModules) -> None:
-        """Take up slack at the minimum tensions, unless the tracker says that no cable is slack."""
+    def _arm(self, modules: ArmedModules) -> None:
+        """Arm all modules, and take up slack at the minimum tensions unless the tracker says that none is."""
+        self._clock.wait_until(self._clock.now())  # simulated modules catch up before they are armed
+        self.modules.arm(modules.tensions)
+        self.note("armed", format_count(self.rig.m, "module"))
         known = np.array([info.length_known for info in self.modules.infos])
 
         def by_place() -> Floats:

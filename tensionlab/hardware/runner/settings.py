@@ -11,6 +11,7 @@ from tensionlab.allocation import Policy
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
+from tensionlab.support.operating_system import usable_processors
 
 OnLoss = Literal["stop", "continue"]  # reaction to a lost module: end the run, or continue with the others
 MIN_TTL_S, MAX_TTL_S = 0.05, 2.0  # range that modules accept
@@ -36,6 +37,9 @@ class RunSettings:
     rate_limited : bool
         Choose only tensions that the modules reach within a cycle, and from which they reach the next
         (`tensionlab.RateLimitedAllocator`), in place of the solver's.
+    processor : int or None
+        Processor that the thread of the run is bound to while modules are armed, with `SCHED_FIFO` and locked
+        memory, as far as the system allows; an event `scheduling` says how far. None for an ordinary thread.
     """
 
     rate: float = 50.0
@@ -43,6 +47,7 @@ class RunSettings:
     on_loss: OnLoss = "stop"
     policy: Policy | None = None
     rate_limited: bool = False
+    processor: int | None = None
 
     def __post_init__(self) -> None:
         if not MIN_TTL_S <= self.ttl <= MAX_TTL_S:
@@ -55,6 +60,9 @@ class RunSettings:
             )
         if self.on_loss not in (choices := get_args(OnLoss)):
             raise HardwareError(f"on_loss is {self.on_loss!r}; give one of {', '.join(choices)}")
+        if self.processor is not None and self.processor not in (usable := usable_processors()):
+            numbers = ", ".join(map(str, usable))
+            raise HardwareError(f"this process may use the processors {numbers}; got {self.processor}")
 
     @property
     def ttl_ms(self) -> int:

@@ -37,6 +37,7 @@ def computer(monkeypatch):
         ({"rate": float("nan")}, "rate is from"),
         ({"ttl": 0.01}, "ttl is from 0.05 to 2 s; got 0.01"),
         ({"on_loss": "hope"}, "on_loss is 'hope'; give one of stop, continue"),
+        ({"processor": 100_000}, r"this process may use the processors \d.*; got 100000"),
     ],
 )
 def test_settings_that_cannot_work(values, message):
