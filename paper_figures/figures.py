@@ -15,6 +15,7 @@ import tables
 
 import tensionlab as tl
 from paper_figures import anchor_count, brake_maps
+from paper_figures.jitter import load_jitter, plot_jitter
 from paper_figures.scenario_layouts import plot_scenario_layouts
 from paper_figures.validation_figures import plot_error_sphere, plot_what_if
 from tensionlab import plots
@@ -107,6 +108,9 @@ DRAWINGS = {
     "time-accuracy": Drawing(
         load_all("benchmarks/results"), lambda data: plots.plot_pareto(*data),
         (PLOTS + "benchmark.py", "datasets/benchmarks/results.*"),
+    ),
+    "jitter": Drawing(
+        load_jitter, plot_jitter, (HERE + "jitter.py", "datasets/benchmarks/jitter.json"), PAGE
     ),
     "anchor-count": Drawing(
         sweeps_of_modules, lambda data: anchor_count.plot_anchor_count(*data),
