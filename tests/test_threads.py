@@ -142,13 +142,16 @@ def interrupt(batch):
         return time.process_time() - begin - 0.3
     raise SystemExit("the batch is too small to be interrupted")
 """
+# Each is called for one problem first, since modules are loaded at the first call.
 BATCHES = {
     "many problems": """
 structure, wrench = rng.normal(size=(3, 8)), 10 * rng.normal(size=(2_000_000, 3))
+tl.allocate(structure, wrench[0], (0.5, 6.0), solver="dykstra")
 batch = lambda: tl.allocate(structure, wrench, (0.5, 6.0), solver="dykstra")
 """,
     "one pose with many wrenches": """
 structure, directions = rng.normal(size=(3, 32)), rng.normal(size=(1_000_000, 3))
+tl.workspace.feasible_direction_fraction(structure, (0.5, 6.0), directions[:1], 5.0)
 batch = lambda: tl.workspace.feasible_direction_fraction(structure, (0.5, 6.0), directions, 5.0)
 """,
     "cells that take long": CELLS + "batch = lambda: certify(np.zeros((100, 3)), 32)\n",
