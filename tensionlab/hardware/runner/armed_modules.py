@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import compress
 from typing import NoReturn
 
 import numpy as np
@@ -190,8 +191,8 @@ class ArmedModules:
     def count_late(self, seen: Observation) -> None:
         """Count the modules that take part and whose telemetry is late."""
         if _native.any_exceeds(seen.ages, self._late_ages):
-            late = seen.ages >= self._late_ages
-            self._statistics.late_telemetry.update(np.array(self.names)[late].tolist())
+            late = compress(self.names, (seen.ages >= self._late_ages).tolist())
+            self._statistics.late_telemetry.update(late)
 
     def allocate_within_rates(
         self, structure: Floats, wrench: Floats, free: Flags, limits: TensionLimits

@@ -72,14 +72,14 @@ class Derating:
     def __init__(self, limits: TensionLimits, names: list[str]) -> None:
         self._own, self._names, self.lower = limits, names, limits.lower
         self._bearable = np.full(len(names), np.inf)
-        self._enough = -limits.upper / BEARABLE_SHARE
+        self._enough = limits.upper / BEARABLE_SHARE
         self.limits = limits
         self.lowest: dict[str, float] = {}
 
     def update(self, bearable: Floats) -> None:
         """Set the limits by what modules bear now (m,) in N; NaN where nothing new is known."""
         own = self._own
-        if self.limits is own and not _native.any_exceeds(-bearable, self._enough):
+        if self.limits is own and not _native.any_exceeds(self._enough, bearable):
             return
         self._bearable = np.where(np.isnan(bearable), self._bearable, bearable)
         upper = np.clip(STEP_N * np.floor(BEARABLE_SHARE * self._bearable / STEP_N), own.lower, own.upper)
