@@ -16,7 +16,7 @@ PERIOD_S, TELEMETRY_MS = 0.02, 10  # from one set-point, and one telemetry messa
 MAX_SILENT_PERIODS = 25  # without telemetry
 ARM_TRIES = 3
 LIMITER_ADVICE = {
-    Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
+    Limit.THERMAL: "its winding is as warm as it may be; let it cool, and pull less",
     Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
     Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
 }  # limiters that keep a module from the commanded tension, and what to do about them
