@@ -30,7 +30,8 @@ inline NextTensions next_tensions(std::size_t m, const double* before, const dou
     }
     largest = std::max(largest, std::abs(chosen[i] - before[i]));
   }
-  next.slew_limited = !(largest <= max_change);
+  constexpr double kRounding = 1e-12;  // of tensions that were chosen to change by just as much
+  next.slew_limited = !(largest <= max_change * (1 + kRounding));
   const double share = next.slew_limited ? max_change / largest : 1.0;
   for (std::size_t i = 0; i < m; ++i) {
     const double wanted = free[i] ? chosen[i] : before[i];
