@@ -19,12 +19,11 @@ demo: .venv/user.stamp
 # Bytecode is kept even where the environment says no: rewriting the tests' assertions takes ten seconds a process.
 test test-fast: export PYTHONDONTWRITEBYTECODE :=
 
-# What needs the wall clock runs after the others, in two processes, as it waits for most of its time; only files that
-# have such tests are read.
+# What needs the wall clock runs after the others, one by one; only files that have such tests are read.
 test: .venv/dev.stamp
 	@status=0; \
 	$(BIN)/pytest -n auto --dist worksteal -m "not realtime" --durations 10 || status=1; \
-	$(BIN)/pytest -n 2 --dist loadfile -m realtime --durations 10 $$(grep -rl mark.realtime tests --include 'test_*.py') || status=1; \
+	$(BIN)/pytest -m realtime --durations 10 $$(grep -rl mark.realtime tests --include 'test_*.py') || status=1; \
 	exit $$status
 
 test-fast: .venv/dev.stamp

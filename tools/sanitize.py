@@ -31,7 +31,7 @@ TESTS = {
         "tests/hardware/runner",
         *(f"tests/test_{name}.py" for name in ("verification", "optimality", "gradients", "allocation")),
         "tests/support/test_arrays.py", "tests/workspace/certification", "tests/workspace/sweep",
-        *(f"tests/workspace/test_{name}.py" for name in ("interference", "margin", "structure_metrics")),
+        *(f"tests/workspace/test_{name}.py" for name in ("interference", "capacity_margin", "structure_metrics")),
     ],
 }  # fmt: skip
 # The C++ library is there before the address sanitizer, which looks for its exceptions as it starts.
