@@ -67,8 +67,10 @@ def workspace(
     required: options.Required = None,
     frames: options.BodyFrames = None,
     out: Annotated[
-        Path | None,
-        options.writes_folder("Write all values to this folder; the same command resumes a sweep.", ".zarr"),
+        str | None,
+        options.writes_folder(
+            "Write all values to this folder, or URL (s3://...); the same command resumes a sweep.", ".zarr"
+        ),
     ] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,

@@ -203,12 +203,13 @@ def writes(help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequenc
 
 
 def writes_folder(help_text: str, suffix: str = "", *, parents: bool = False) -> Any:
-    """Return an option that names a folder to write."""
+    """Return an option that names a folder to write, or as text a URL."""
 
-    def check(path: Path) -> None:
-        if path.suffix.lower() != suffix and suffix:
-            raise WriteError(f"{path}: the name must end in {suffix}")
-        writing.require_folder(path, parents=parents)
+    def check(place: str | Path) -> None:
+        if Path(place).suffix.lower() != suffix and suffix:
+            raise WriteError(f"{place}: the name must end in {suffix}")
+        if "://" not in str(place):
+            writing.require_folder(Path(place), parents=parents)
 
     return option(f"DIR{suffix}", help_text, "--out", "-o", callback=checked(check))
 

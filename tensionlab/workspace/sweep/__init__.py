@@ -6,7 +6,6 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -55,9 +54,10 @@ def sweep(
     required : Requirement, (n,) array, (k, n) array or None
         What the cables must exert at every pose: a wrench, the vertices of a set, or a `tensionlab.Requirement`.
         None is `Rig.required` of each rig.
-    out : path, optional
+    out : path or URL, optional
         Zarr store, DIR.zarr, to which chunks are written as they are finished. Called again, an interrupted sweep
-        is resumed, and a finished one is only opened. Without it, the sweep is kept in memory.
+        is resumed, and a finished one is only opened. Without it, the sweep is kept in memory. At a URL that
+        `fsspec` knows, as in "s3://bucket/sweep.zarr", whoever evaluates a chunk writes it.
     scheduler : str, optional
         Address of a Dask scheduler, as in "tcp://host:8786"; else the processors of this machine do the work.
     chunk : int
@@ -103,10 +103,10 @@ def sweep(
     if not plan.metrics:
         raise SweepError("no metric is named; give one at least, such as 'capacity-margin'")
     empty = empty_dataset(plan)
-    store = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
+    store = MemoryStore(plan, empty) if out is None else ZarrStore(out, plan, empty)
     with contextlib.closing(store):
         if store.missing:
-            tasks = map(plan.task, store.missing)
+            tasks = map(store.task, store.missing)
             results = evaluate_on_threads(tasks) if scheduler is None else evaluate_on_cluster(scheduler, tasks)
             total = math.prod(plan.tiles)
             for finished, (task, values) in enumerate(results, start=total - len(store.missing) + 1):

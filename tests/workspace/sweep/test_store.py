@@ -1,5 +1,6 @@
 """An interrupted sweep is resumed, and never takes another's store for its own."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -12,11 +13,12 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr
+from distributed import LocalCluster
 
 import tensionlab as tl
-from tensionlab.errors import SweepError
+from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.workspace import Grid, vary
-from tensionlab.workspace.sweep.store import ZarrStore
+from tensionlab.workspace.sweep.store import WritingTask, ZarrStore
 from tests.helpers.tallied import read, tallied
 
 RIGS = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4])
@@ -229,6 +231,83 @@ def test_a_sweep_that_the_disk_has_no_space_for_is_refused_before_any_work(store
         sweep(store, tally)
     assert read(tally) == []
     assert not store.exists()
+
+
+@pytest.fixture
+def bucket():
+    """URL in a file system of fsspec, and its files."""
+    import fsspec
+
+    files = fsspec.filesystem("memory")
+    yield "memory://bucket/sweep.zarr", files
+    files.store.clear()
+
+
+@pytest.mark.parametrize("on_cluster", [False, True], ids=["threads", "cluster"])
+def test_a_sweep_at_a_url_is_resumed_and_read_back(bucket, tally, tmp_path, on_cluster):
+    url, files = bucket
+    where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
+    with contextlib.ExitStack() as stack:
+        if on_cluster:  # whose workers are threads of this process, and write
+            cluster = LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where)
+            scheduler = {"scheduler": stack.enter_context(cluster).scheduler_address}
+        else:
+            scheduler = {}
+        with pytest.raises(ZeroDivisionError):
+            sweep(url, tally, **scheduler, progress=lambda share: share < 0.3 or 1 / 0)
+        held = set(files.glob("/bucket/sweep.zarr/tallied/c/**"))
+        evaluated, finished = len(read(tally)), sum(files.isfile(name) for name in held)
+        assert 0 < finished < COUNT
+        data = sweep(url, tally, **scheduler).load()
+    assert len(read(tally)) - evaluated <= COUNT - finished + 2  # a chunk under way may have been written since
+    assert data.drop_attrs().equals(
+        tl.sweep(RIGS, POSES, ["least-singular-value", tallied(tmp_path / "x")]).drop_attrs()
+    )
+    before = read(tally)
+    xr.testing.assert_identical(sweep(url, tally).load(), data)
+    assert read(tally) == before
+
+
+def test_damage_and_another_sweep_are_found_at_a_url(bucket, tally):
+    url, files = bucket
+    data = sweep(url, tally)
+    with pytest.raises(SweepError, match=f"{url} holds a sweep that differs in poses;"):
+        sweep(url, tally, poses=Grid(POSES.x, POSES.y, POSES.z + 1e-9))
+    chunk = f"/bucket/sweep.zarr/{CHUNK_FILE.as_posix()}"
+    content = bytearray(files.cat_file(chunk))
+    content[len(content) // 2] ^= 1
+    files.pipe_file(chunk, bytes(content))
+    with pytest.raises(ValueError, match="checksum"):
+        data["least-singular-value"].load()
+    files.pipe_file("/bucket/other/notes.txt", b"mine")
+    with pytest.raises(SweepError, match="is there and holds no sweep"):
+        sweep("memory://bucket/other", tally)
+
+
+def test_values_that_workers_write_elsewhere_are_missed(bucket, monkeypatch):
+    monkeypatch.setattr(WritingTask, "evaluate", lambda task: task.task.evaluate() is None)
+    with pytest.raises(SweepError, match="give one that all of them see"):
+        tl.sweep(RIGS, POSES, "least-singular-value", out=bucket[0])
+
+
+def test_a_url_that_cannot_be_used_is_refused_before_any_work(tally, monkeypatch):
+    from fsspec.implementations.memory import MemoryFileSystem
+    from fsspec.registry import known_implementations
+
+    with pytest.raises(SweepError, match=r"nonsense://a/b.zarr cannot be used .Protocol not known: nonsense"):
+        sweep("nonsense://a/b.zarr", tally)
+    lost = {"class": "tensionlab.no_such.FileSystem", "err": "Install it to access it"}
+    monkeypatch.setitem(known_implementations, "lost", lost)
+    with pytest.raises(MissingDependency, match=r"lost://a/b.zarr needs another library: Install it to access it"):
+        sweep("lost://a/b.zarr", tally)
+
+    def refuse(*_, **__):
+        raise RuntimeError("Could not connect to the endpoint")
+
+    monkeypatch.setattr(MemoryFileSystem, "exists", refuse)
+    with pytest.raises(SweepError, match=r"cannot be used .Could not connect to the endpoint.; check the address"):
+        sweep("memory://bucket/sweep.zarr", tally)
+    assert read(tally) == []
 
 
 def test_the_folder_must_be_there(tmp_path, tally):
