@@ -55,7 +55,7 @@ class MemoryStore:
         self._plan, self._empty = plan, empty
         self._values = np.empty((len(plan.metrics), *plan.shape))
 
-    def task(self, number: int) -> ChunkTask:
+    def task(self, number: int) -> Any:
         """Return the task that evaluates the chunk of a number."""
         return self._plan.task(number)
 
@@ -161,7 +161,7 @@ class ZarrStore:
                 number for number, key in enumerate(keys) if not all(f"{each}/{key}" in files for each in folders)
             ]
 
-    def task(self, number: int) -> ChunkTask | WritingTask:
+    def task(self, number: int) -> Any:
         """Return the task that evaluates the chunk of a number, and at a URL writes it."""
         task = self._plan.task(number)
         return task if isinstance(self._place, Path) else WritingTask(self._place, task, self._arrays)
