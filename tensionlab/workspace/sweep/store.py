@@ -175,9 +175,7 @@ class ZarrStore:
     def dataset(self) -> xarray.Dataset:
         """Open the whole; values are read when they are needed."""
         if self.missing and not isinstance(self._place, Path) and self._find_missing():
-            raise SweepError(
-                f"{self._place} is another place where the workers are; give one that all of them see"
-            )
+            raise SweepError(f"{self._place}: the workers' chunks are not there; give one that all of them see")
         with _explain_damage(self._place):
             data: xarray.Dataset = provenance.import_xarray().open_zarr(self._place, chunks=None)
         ordered = {each.name: data[each.name] for each in self._plan.metrics}  # a folder sorts them by name
