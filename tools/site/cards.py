@@ -41,6 +41,7 @@ PICTURES: dict[str, tuple[str, tuple[int, int, int, int]]] = {
     "check-a-trajectory": ("notebooks/02_solver_benchmark.ipynb#cell-5", (0, 5, 100, 52)),
     "sweep-on-a-cluster": ("notebooks/03_workspace.ipynb#cell-11", (0, 0, 100, 100)),
     "bring-a-caspr-model": ("notebooks/03_workspace.ipynb#cell-7", (0, 0, 100, 50)),
+    "join-the-benchmark": ("docs/figures/solver-newton.png", (0, 0, 100, 88)),
     "compare-solvers": ("docs/images/compare.png", (0, 0, 60, 55)),
     "differentiate-an-allocation": ("notebooks/09_gradients.ipynb#cell-3", (0, 0, 100, 100)),
     "allocate-in-c-and-cpp": ("docs/figures/policies.png", (0, 0, 100, 100)),

@@ -38,8 +38,8 @@ class RunSettings:
         Choose only tensions that the modules reach within a cycle, and from which they reach the next
         (`tensionlab.RateLimitedAllocator`), in place of the solver's.
     processor : int or None
-        Processor that the thread of the run is bound to while modules are armed, with `SCHED_FIFO` and locked
-        memory, as far as the system allows; an event `scheduling` says how far. None for an ordinary thread.
+        Processor that the thread of the run is bound to while modules are armed, with SCHED_FIFO and locked
+        memory, as far as the system allows; the event "scheduling" says how far. None for an ordinary thread.
     """
 
     rate: float = 50.0

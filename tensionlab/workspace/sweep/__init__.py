@@ -57,7 +57,7 @@ def sweep(
     out : path or URL, optional
         Zarr store, DIR.zarr, to which chunks are written as they are finished. Called again, an interrupted sweep
         is resumed, and a finished one is only opened. Without it, the sweep is kept in memory. At a URL that
-        `fsspec` knows, as in "s3://bucket/sweep.zarr", whoever evaluates a chunk writes it.
+        fsspec knows, as in "s3://bucket/sweep.zarr", whoever evaluates a chunk writes it.
     scheduler : str, optional
         Address of a Dask scheduler, as in "tcp://host:8786"; else the processors of this machine do the work.
     chunk : int
