@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.benchmark.speed import seconds
 from tensionlab.model.files import load_rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.operating_system import KERNEL_THREADS, processor_name
@@ -46,11 +47,11 @@ class Idle(NamedTuple):
         return np.zeros(self.values)
 
 
-def seconds(work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
-    """Return how long it takes, in s."""
-    began = clock()
+def processor_seconds(work: Callable[[], object]) -> float:
+    """Return the processor time that it takes, in s."""
+    began = time.process_time()
     work()
-    return clock() - began
+    return time.process_time() - began
 
 
 @contextmanager
@@ -86,7 +87,7 @@ def costs_of_poses(chunks: int) -> Floats:
         for task in map(plan.task, range(chunks)):
             part = task.evaluate()
             write = partial(store.write, task, part)
-            spent += [seconds(task.evaluate, time.process_time), seconds(write, time.process_time)]
+            spent += [processor_seconds(task.evaluate), processor_seconds(write)]
             values += part.size
         store.close()
         files = Path(folder, "sweep.zarr", METRIC, "c").rglob("*")

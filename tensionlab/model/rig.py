@@ -507,7 +507,7 @@ class Rig(ArrayRecord):
         R = None if not self._kind.has_orientation else self.home_matrix
         R = R if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
         pose.require_known(frames or (), (*self.frames, *self.free_frames))
-        anchors = pose.place_anchors(self.modules, self.anchors, frames) if self.frames else self.anchors
+        anchors = pose.place_anchors(self.modules, self.anchors, frames)
         shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}
         common_axes(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})
         return p, R, anchors
