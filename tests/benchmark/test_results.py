@@ -58,7 +58,7 @@ def test_summaries_come_fastest_first_and_absent_ones_last():
 def test_the_report_says_what_how_and_where(bench_results):
     text = report(bench_results)
     manifest = bench_results.manifest
-    words = ["Seed 3", "`tensionlab bench --out 'a folder'`", "best of 2", "0.05 s for each set", "m = 12",
+    words = ["Seed 3", "`tensionlab bench --out 'a folder'`", "best of 2", "0.3 s for each set", "m = 12",
              "**closed-form** †", "daqp, tight", manifest["processor"], manifest["platform"]]  # fmt: skip
     words += [f"{name} {version}" for name, version in manifest["versions"].items()]
     words += [f"## {name}\n\n{about['title'].capitalize()[:1]}" for name, about in bench_results.sets.items()]
