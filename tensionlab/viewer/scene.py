@@ -132,6 +132,7 @@ class RigDrawing:
         self._up = np.array([0.0, 1.0, 0.0])
         server.on_client_connect(self._look_from_phone)
         scene.world_axes.visible = False
+        scene.add_light_ambient("/light", intensity=1.5)
         self._cables = add_lines(scene, "cables", CABLE_PIXELS)
         self._platform = add_lines(scene, "platform")
         self._arrows = {

@@ -201,7 +201,9 @@ class PageServer:
         self.gate = Gate(secrets.token_urlsafe(16), local=host in LOOPBACK)
         with _starting, contextlib.redirect_stdout(io.StringIO()):  # viser prints its address
             self.viser = self.gate.server = _start_viser(host, port, self.gate)
-        self.viser.scene.configure_default_lights(cast_shadow=False)  # half of the work without a graphics card
+        # Without a graphics card, shadows are half of the work, and preparing reflections is ten seconds of it.
+        self.viser.scene.configure_default_lights(cast_shadow=False)
+        self.viser.scene.configure_environment_map(None)
         gui = self.viser.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()  # next to the picture, so that neither hides the other

@@ -57,7 +57,7 @@ class Tab:
     def __init__(self, browser, page):
         self.page = page
         known = set(page.server.viser.get_clients())
-        self.tab = browser.new_page(viewport={"width": 1280, "height": 800})
+        self.tab = browser.new_page(viewport={"width": 960, "height": 600})
         self.tab.set_default_timeout(1000.0 * HANGS_S)
         self.requests, self.errors = [], []
         self.tab.on("request", lambda request: self.requests.append(request.url))

@@ -71,7 +71,7 @@ def wait_for_cycles(watcher, cycles):
 
 
 def opened(browser, url):
-    tab = browser.new_page(viewport={"width": 1280, "height": 800})
+    tab = browser.new_page(viewport={"width": 960, "height": 600})
     tab.set_default_timeout(1000.0 * HANGS_S)
     tab.goto(url)
     tab.get_by_text("LIVE", exact=True).wait_for()

@@ -225,7 +225,7 @@ def test_a_log_is_scrubbed_and_played_in_a_browser(recorded):
     page = replay.ReplayPage(replace(recorded, status=status), PageServer())
     try:
         with chromium() as browser:
-            tab = browser.new_page(viewport={"width": 1280, "height": 800})
+            tab = browser.new_page(viewport={"width": 960, "height": 600})
             tab.set_default_timeout(1000.0 * HANGS_S)
             tab.goto(page.server.url)
 

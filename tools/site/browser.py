@@ -14,6 +14,7 @@ OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
 SOFTWARE_WEBGL = (
     "--enable-unsafe-swiftshader",
     "--use-angle=swiftshader",
+    "--disable-gpu-rasterization",  # Debian's Chromium would paint all text by WebGL, too
     "--no-sandbox",
     "--disable-dev-shm-usage",
 )
