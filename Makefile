@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python,$(PIP)) -c constraints.txt
 BUILD_TOOLS := scikit-build-core nanobind numpy hatch-fancy-pypi-readme $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 # What is fetched after the tests were installed compiles the kernels as these need them.
-export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
+export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),runnable,native)
 NATIVE := $(wildcard include/*.h include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
 .PHONY: demo install test test-fast test-lowest coverage check firmware-check model dangers emulate sanitize sbom release-check format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
@@ -226,8 +226,8 @@ install: .venv/user.stamp
 	@echo "  tensionlab run $(RIG) --force 0.5 0 0 --seconds 3     # modules, simulated in this process"
 	@echo "  tensionlab -h     # all verbs; docs/get-started/index.md is a tour"
 
-# Tests compare the kernels of all instruction sets.
+# Tests compare the kernels of all instruction sets that this processor has.
 .venv/dev.stamp: .venv/tools.stamp pyproject.toml CMakeLists.txt $(NATIVE)
-	@echo "Compiling the kernels for all instruction sets (three minutes on two cores), and fetching what the tests need ..."
-	@TENSIONLAB_BUILDS=all $(INSTALL) --no-build-isolation -e '.[dev]'
+	@echo "Compiling the kernels for the instruction sets of this processor (two minutes on two cores), and fetching what the tests need ..."
+	@TENSIONLAB_BUILDS=runnable $(INSTALL) --no-build-isolation -e '.[dev]'
 	@touch $@ .venv/user.stamp

@@ -111,7 +111,7 @@ def test_a_release_has_one_version() -> None:
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make here")
 @pytest.mark.parametrize(
-    ("installed", "builds"), [((), "native"), (("user",), "native"), (("user", "dev"), "all")]
+    ("installed", "builds"), [((), "native"), (("user",), "native"), (("user", "dev"), "runnable")]
 )
 def test_the_kernels_of_the_tests_stay_whatever_is_installed_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, installed: tuple[str, ...], builds: str
