@@ -45,6 +45,7 @@ from tensionlab.validation.statistics import fit_yaw
 PINGS = 20  # to each module
 DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if np.count_nonzero(way) in (1, 3)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]  # the axes and the diagonals, both ways
+OFFSETS = np.array([sign * axis for axis in np.eye(3) for sign in (-1.0, 1.0)])  # of positions, per reach
 WALL_DAMPINGS_NS_M = (0.0, 1.0, 2.0)
 # Closer where a spool resonates on its cable; the slew-rate limit does not bound them.
 VIBRATIONS_HZ = np.array([10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 100.0, 150.0, 200.0, 300.0])
@@ -139,7 +140,7 @@ def characterise(
     rig, axes = plan.rig, feasible_axes(plan)
     bench, simulated = bench or simulated_bench(plan), True
     home = rig.structure_matrix(rig.home, frames=rig.at_rest)
-    offsets = [np.zeros(3), *(sign * plan.reach * axis for axis in np.eye(3) for sign in (-1.0, 1.0))]
+    offsets = [np.zeros(3), *(plan.reach * OFFSETS)]
     wall_axis, along = next(iter(axes.items()))
     delays: list[Floats] = []
     trips: list[float] = []
