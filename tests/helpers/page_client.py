@@ -46,7 +46,8 @@ class PageClient:
 @contextmanager
 def joined(url):
     """A client of the page at an address with the token."""
-    with connect(url.replace("http", "ws", 1), subprotocols=[VISER], max_size=None, ping_interval=None) as socket:
+    options = {"max_size": None, "ping_interval": None, "close_timeout": 1.0}  # the server may have ended
+    with connect(url.replace("http", "ws", 1), subprotocols=[VISER], **options) as socket:
         yield PageClient(socket)
 
 

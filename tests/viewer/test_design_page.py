@@ -16,7 +16,7 @@ from tensionlab.viewer.design_scene import draw
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import begin
-from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, plain, served, until
+from tests.helpers.browsers import HANGS_S, VISER, Tab, needs_browser, plain, served, until
 
 SPACES = tl.datasets.folder() / "spaces"
 # Complaint of the browser about how viser listens to the mouse.
@@ -102,9 +102,9 @@ def test_a_file_elsewhere_is_refused(point, path, tmp_path):
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.realtime  # a real browser
-def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch):
+def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch, browser):
     monkeypatch.chdir(tmp_path)
-    with chromium() as browser, served() as page:
+    with served() as page:
         tab = Tab(browser, page)
 
         # An anchor is dragged twice, saved, and put back step by step.
@@ -151,8 +151,8 @@ def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch):
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.realtime  # two real browsers
-def test_browsers_with_the_token_show_one_state_and_one_that_is_closed_harms_nothing():
-    with chromium() as browser, served(host="0.0.0.0") as page:
+def test_browsers_with_the_token_show_one_state_and_one_that_is_closed_harms_nothing(browser):
+    with served(host="0.0.0.0") as page:
         port, token = page.server.viser.get_port(), page.server.url.partition("=")[2]
         assert len(token) > 16
         with pytest.raises(InvalidStatus, match="403"):
