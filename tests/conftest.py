@@ -46,6 +46,13 @@ def locks_folder(tmp_path, monkeypatch):
     return folder
 
 
+@pytest.fixture
+def only_clarabel(monkeypatch):
+    """Of the QP solvers, find Clarabel only."""
+    found = {"qpsolvers", "clarabel"}
+    monkeypatch.setattr("tensionlab.solvers.quadratic.find_spec", lambda name: name in found or None)
+
+
 @pytest.fixture(scope="session")
 def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one, whichever worker's."""

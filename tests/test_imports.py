@@ -68,7 +68,7 @@ CLOSED = {
 }
 # One door for each third party, by file or folder of the package.
 DOORS = {
-    "qpsolvers": {"solvers/quadratic.py", "benchmark/baselines.py"},
+    "qpsolvers": {"solvers/quadratic.py"},
     "osqp": {"solvers/quadratic.py"},
     "clarabel": {"solvers/quadratic.py"},
     "cvxpy": {"solvers/convex.py", "benchmark/baselines.py"},

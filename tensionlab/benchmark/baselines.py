@@ -14,7 +14,14 @@ import numpy as np
 from tensionlab.errors import InputError, optional_import
 from tensionlab.solvers.convex import SETTINGS, CompiledPrograms, compiled_programs, require_cvxpy
 from tensionlab.solvers.programs import finite_tensions
-from tensionlab.solvers.quadratic import BACKENDS, SPARSE, check_installed, check_known, raised_by
+from tensionlab.solvers.quadratic import (
+    BACKENDS,
+    SPARSE,
+    check_installed,
+    check_known,
+    import_qpsolvers,
+    raised_by,
+)
 from tensionlab.support.arrays import Floats
 
 Tolerance = Literal["default", "tight"]
@@ -95,8 +102,6 @@ class PlainProgram:
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
         """Make the program of qpsolvers, its matrices dense or sparse as the backend takes them."""
-        import qpsolvers
-
         cables = structure.shape[1]
         cost: Any = np.eye(cables)
         rows: Any = structure
@@ -104,15 +109,13 @@ class PlainProgram:
             from scipy import sparse
 
             cost, rows = sparse.eye(cables, format="csc"), sparse.csc_matrix(structure)
-        return qpsolvers.Problem(cost, np.zeros(cables), A=rows, b=wrench, lb=lower, ub=upper)
+        return import_qpsolvers().Problem(cost, np.zeros(cables), A=rows, b=wrench, lb=lower, ub=upper)
 
     def run(self, program: Any) -> Any:
         """Solve it; the caller silences `warnings`, because that would cost time here."""
-        import qpsolvers
-
         options = ALWAYS.get(self.backend, {}) | (TIGHT[self.backend] if self.tolerance == "tight" else {})
         try:
-            return qpsolvers.solve_problem(program, self.backend, **options)
+            return import_qpsolvers().solve_problem(program, self.backend, **options)
         except raised_by(self.backend) as error:
             return error
 

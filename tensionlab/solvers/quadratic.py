@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
 from typing import Any, ClassVar
 
 import numpy as np
@@ -38,6 +41,7 @@ BACKENDS: dict[str, dict[str, Any]] = {
         "time_limit": 1.0,
     },
 }
+MODULES = {"proxqp": "proxsuite", "highs": "highspy"}  # that are not called as the backend is
 SPARSE = frozenset({"clarabel", "osqp", "highs"})  # those that take sparse matrices only
 PROXIMAL = 1e-6  # weight of staying at the last tensions while the wrench error, of weight 1, is minimised
 DIRECTION = 1e-4  # the same while the scale of the wrench is maximised
@@ -46,12 +50,20 @@ MAX_STEPS = 8  # most of these steps; two or three are usual
 
 
 def installed_backends() -> tuple[str, ...]:
-    """Return the QP solvers that `QuadraticProgram` can use on this machine."""
-    try:
-        import qpsolvers
-    except ModuleNotFoundError:
+    """Return the QP solvers that `QuadraticProgram` can use on this machine, without importing them."""
+    if find_spec("qpsolvers") is None:
         return ()
-    return tuple(name for name in BACKENDS if name in qpsolvers.available_solvers)
+    return tuple(name for name in BACKENDS if find_spec(MODULES.get(name, name)) is not None)
+
+
+@cache
+def import_qpsolvers() -> Any:
+    """Return qpsolvers, imported without JAX, which it imports before it finds that there is no jaxopt."""
+    if find_spec("jaxopt") is None:
+        sys.modules["qpsolvers.solvers.jaxopt_osqp_"] = None  # type: ignore[assignment]
+    import qpsolvers
+
+    return qpsolvers
 
 
 def check_known(backend: str) -> None:
@@ -134,9 +146,9 @@ class _QuadraticPrograms:
         self, cost: Floats, linear: Floats, rows: Floats, values: Floats, limits: tuple[Floats, Floats]
     ) -> Floats | None:
         """Return the x inside the limits that the backend gives for the program of this module, or None."""
-        import qpsolvers
         from scipy import sparse
 
+        qpsolvers = import_qpsolvers()
         matrix: Any = sparse.csc_matrix if self.backend in SPARSE else np.asarray
         lower, upper = limits
         program = qpsolvers.Problem(matrix(np.diag(cost)), linear, A=matrix(rows), b=values, lb=lower, ub=upper)

@@ -70,11 +70,11 @@ def test_what_a_baseline_throws_is_its_result(monkeypatch):
     assert str(ask(PlainProgram("daqp"))) == "out of steam"
 
 
-def test_what_cannot_run_is_refused(monkeypatch):
+def test_what_cannot_run_is_refused(request):
     with pytest.raises(UnknownSolver, match=r"'cplex'.*clarabel"):
         PlainProgram("cplex")
     with pytest.raises(ValueError, match="quadprog has no options"):
         PlainProgram("quadprog", "tight")
-    monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
+    request.getfixturevalue("only_clarabel")
     with pytest.raises(MissingDependency, match=r"tensionlab\[solvers\]"):
         PlainProgram("daqp")

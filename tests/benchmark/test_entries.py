@@ -1,5 +1,4 @@
 import pytest
-import qpsolvers
 
 from tensionlab.benchmark import baselines
 from tensionlab.benchmark import entries as entries_module
@@ -44,8 +43,8 @@ def test_an_unknown_name_is_refused_with_those_of_baselines():
         entries("all", ["newtown"])
 
 
+@pytest.mark.usefixtures("only_clarabel")
 def test_what_is_not_installed_is_there_and_says_so(monkeypatch):
-    monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
     monkeypatch.setattr(baselines, "load_daqp", _not_there)
     missing = {each.solver for each in entries("none") if each.missing == "not installed"}
     assert {"daqp", "qpsolvers:daqp", "qpsolvers:osqp", "qp:daqp"} <= missing

@@ -106,10 +106,8 @@ def test_a_solver_may_refuse_a_shape_and_fail_a_problem(monkeypatch):
     assert np.isfinite(calls[3:]).all()
 
 
-def test_a_baseline_that_is_not_installed_is_a_row_that_says_so(monkeypatch):
-    import qpsolvers
-
-    monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
+@pytest.mark.usefixtures("only_clarabel")
+def test_a_baseline_that_is_not_installed_is_a_row_that_says_so():
     rows = measured(SUMS, solvers=["qpsolvers:daqp", "newton"]).rows
     assert [(row.setting, row.note, row.tried) for row in rows] == [
         ("default", "not installed", 0),

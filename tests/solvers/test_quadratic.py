@@ -99,8 +99,8 @@ def test_the_name_of_a_backend_alone_is_answered_with_its_full_name():
         allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "daqp")
 
 
-def test_a_missing_backend_names_the_extra(monkeypatch):
-    monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
+@pytest.mark.usefixtures("only_clarabel")
+def test_a_missing_backend_names_the_extra():
     assert installed_backends() == ("clarabel",)
     with pytest.raises(MissingDependency, match=r"'daqp'.*pip install \"tensionlab\[solvers\]\""):
         QuadraticProgram("daqp").solve(problem([[1, 1]], [4], 0, 9))
