@@ -49,11 +49,12 @@ def measure_allocator(
     problems: int = PROBLEMS,
     iteration_limit: int = ITERATION_LIMIT,
     policy: str = "force",
+    optimise: str = "-O2",
 ) -> Figures:
     """Return what the bench of the allocator prints on a processor, with the bytes of its code as ``flash``."""
     values = {"N_COMPONENTS": shape[0], "M_CABLES": shape[1], "PROBLEMS": problems,
               "ITERATION_LIMIT": iteration_limit, "POLICY": POLICIES.index(policy)}  # fmt: skip
-    return figures_of(processor, (EMULATION / "allocator_bench.cpp",), "-O2", values)
+    return figures_of(processor, (EMULATION / "allocator_bench.cpp",), optimise, values)
 
 
 def over_budget(processor: str, found: Figures) -> list[str]:

@@ -20,7 +20,7 @@ from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE
 from tests.helpers.shared import make_once
 
 ROOT = Path(__file__).parents[2]
-STRICT = ["-std=c++17", "-O2", "-fno-exceptions", "-fno-rtti", "-Wall", "-Wextra", "-Wconversion",
+STRICT = ["-std=c++17", "-O1", "-fno-exceptions", "-fno-rtti", "-Wall", "-Wextra", "-Wconversion",
           "-Wdouble-promotion", "-Werror"]  # fmt: skip
 SHAPES = ((3, 4), (3, 8), (6, 8))
 TOLERANCE = {"float": 1e-3, "double": 1e-6}
