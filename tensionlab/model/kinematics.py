@@ -92,7 +92,7 @@ def cables(
         lengths, directions, _ = route_cables(vectors, pulleys)
         return lengths, directions
     lengths = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
-    return lengths, vectors / np.where(lengths > 0.0, lengths, 1.0)[..., None]
+    return lengths, vectors / (lengths if lengths.all() else np.where(lengths > 0.0, lengths, 1.0))[..., None]
 
 
 def to_anchors(anchors: Floats, position: Floats, arms: Floats | None) -> Floats:

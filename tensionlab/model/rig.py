@@ -357,9 +357,8 @@ class Rig(ArrayRecord):
             straight = lengths
         else:
             lengths, directions, straight = route_cables(kinematics.to_anchors(anchors, p, arms), pulleys)
-        short = straight == 0.0
-        if short.any():
-            *where, index = (int(i) for i in np.argwhere(short)[0])
+        if not straight.all():
+            *where, index = (int(i) for i in np.argwhere(straight == 0.0)[0])
             at = f" at pose {where}" if where else ""
             lies = "on the anchor" if self.modules[index].pulley_radius is None else "in its pulley"
             raise RigError(
@@ -506,8 +505,10 @@ class Rig(ArrayRecord):
             raise ShapeError(f'rig "{self.name}" is a {self.kind} rig and cannot turn; leave rotation out')
         R = None if not self._kind.has_orientation else self.home_matrix
         R = R if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
-        pose.require_known(frames or (), (*self.frames, *self.free_frames))
-        anchors = pose.place_anchors(self.modules, self.anchors, frames)
+        anchors = self.anchors
+        if frames or self.frames:
+            pose.require_known(frames or (), (*self.frames, *self.free_frames))
+            anchors = pose.place_anchors(self.modules, anchors, frames)
         shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}
         common_axes(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})
         return p, R, anchors

@@ -240,15 +240,13 @@ class SimulatedSensor:
         self._rig, self._pose, self._rotation = rig, pose, UPRIGHT.T @ errors.tilt
         self._biases, self._noise = errors.biases, DriftNoise(errors.noise, seed)
         self._steps = 0
-        self._kept: list[tuple[Floats, Floats]] = []  # position, and tensions (K, m) there
+        self._kept: list[tuple[Floats, list[Floats]]] = []  # position, and samples (K, 13) of each module there
 
     def watch(self, samples: Sequence[Floats]) -> None:
         """Sample the steps of the modules, once each ms; what `World.watch` calls."""
         first = -self._steps % STEPS_PER_SAMPLE
         self._steps += len(samples[0])
-        steps = np.stack([each[first::STEPS_PER_SAMPLE] for each in samples], axis=-1)
-        tensions = np.maximum(steps[:, TENSION] + steps[:, DRIVER_ON] * self._biases, 0.0)
-        self._kept.append((self._pose().position, tensions))
+        self._kept.append((self._pose().position, [each[first::STEPS_PER_SAMPLE] for each in samples]))
 
     def take(self) -> Floats:
         """Return the forces since the last call."""
@@ -256,8 +254,11 @@ class SimulatedSensor:
         if not kept:
             return np.empty((0, 3))
         pulls = self._rig.structure_matrix(np.array([place for place, _ in kept]), frames=self._rig.at_rest)
-        counts = [len(tensions) for _, tensions in kept]
-        tensions = np.concatenate([each for _, each in kept])
+        counts = [len(samples[0]) for _, samples in kept]
+        steps = np.stack(
+            [np.concatenate(each) for each in zip(*(samples for _, samples in kept), strict=True)], -1
+        )
+        tensions = np.maximum(steps[:, TENSION] + steps[:, DRIVER_ON] * self._biases, 0.0)
         forces = np.einsum("kdm,km->kd", np.repeat(self._rotation @ pulls, counts, axis=0), tensions)
         return np.asarray(forces + self._noise.take(len(forces)))
 

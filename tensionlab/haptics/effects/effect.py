@@ -12,7 +12,7 @@ for the host.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeGuard
 
 import numpy as np
@@ -99,7 +99,7 @@ def is_split(effect: object) -> TypeGuard[SplitEffect]:
 
 def relative(motion: Motion, to: Motion) -> Motion:
     """Return a motion relative to that of another hand, ``to``, for what is between the two, such as a bow."""
-    return replace(motion, position=motion.position - to.position, velocity=motion.velocity - to.velocity)
+    return Motion(motion.position - to.position, motion.velocity - to.velocity, motion.time, motion.step)
 
 
 def dot(a: Floats, b: Floats) -> Floats:

@@ -104,7 +104,8 @@ class Stages:
     def smooth(self, motion: Motion, memory: StageMemory | None) -> Motion:
         """Return the motion with its velocity low-passed, for the effects."""
         before = None if memory is None else memory.velocity
-        return replace(motion, velocity=low_pass(motion.velocity, before, self.cutoff, motion.step))
+        velocity = low_pass(motion.velocity, before, self.cutoff, motion.step)
+        return Motion(motion.position, velocity, motion.time, motion.step)
 
     def filter(
         self, force: Floats, motion: Motion, bypass: bool | NDArray[np.bool_], memory: StageMemory | None
@@ -165,6 +166,7 @@ class Renderer:
         self._follows = np.zeros(rig.m, dtype=int)  # their number
         self._set_point_step = 0.0
         self._controller: PassivityController | None = None
+        self._stages = dict.fromkeys((True, False), Stages(max_force=self._max_force))  # by whether passive
         self._memories = {True: GroupMemory({}, None), False: GroupMemory({}, None)}  # by whether passive
         self.delay = INITIAL_DELAY_S
         self.ceiling = 0.0
@@ -210,7 +212,7 @@ class Renderer:
         available: NDArray[np.bool_],
     ) -> tuple[Floats, RenderPlan]:
         """Return the host-side force of effects after the stages, and their plan."""
-        stages = Stages(self._controller if passive else None, max_force=self._max_force)
+        stages = self._stages[passive]
         before = self._memories[passive]
         smooth = stages.smooth(motion, before.stages)
         directions = state.structure[: self._rig.dimension].T
@@ -257,6 +259,7 @@ class Renderer:
         # A step more or less is no change, since steps vary.
         if self._controller is None or not -1.5 < steps - self._controller.delay < 0.5:
             self._controller = PassivityController(max_damping(MIN_HAND_MASS_KG, delay, step), math.ceil(steps))
+            self._stages[True] = Stages(self._controller, max_force=self._max_force)
             effects, stages = self._memories[True]
             if stages is not None:  # the observer paired forces and motions by another delay
                 self._memories[True] = GroupMemory(effects, stages._replace(observed=None))

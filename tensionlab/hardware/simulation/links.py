@@ -133,13 +133,15 @@ class FaultyLink:
         end = now + timeout
         while True:
             self._deliver(now)
-            if arrived := b"".join(content for content in self._inbound.take(now) if content):
+            if arrived := b"".join(filter(None, self._inbound.take(now))):
                 return arrived
             content = self.inner.receive(min(max(end - now, 0.0), STEP_S))
+            if not content and now >= end:
+                return b""
             before, now = now, self.clock()
             if content:
                 self._inbound.put(content, now)
-            elif before >= end or now == before:  # less than a step of the firmware is left
+            elif now == before:  # less than a step of the firmware is left
                 return b""
 
     def close(self) -> None:
