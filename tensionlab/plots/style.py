@@ -226,7 +226,9 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
     Points without a name ("") are kept clear as well. Figure and axes are complete but for the names: where things
     are is known only then.
     """
-    figure.draw_without_rendering()
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
+    axes.apply_aspect()
     scale = 72.0 / figure.dpi  # from pixels to points
     frame = scale * axes.get_window_extent().get_points()
     places = {name: scale * axes.transData.transform(np.array(ends)) for name, ends in points.items()}
