@@ -91,24 +91,14 @@ def test_the_fit_is_where_the_likelihood_is_largest_with_many_answers(study):
 
 @pytest.mark.realtime  # two processes, a bridge between them
 def test_it_recovers_a_threshold_through_the_bridge(tmp_path, study):
-    out = tmp_path / "participant"
+    out, count = tmp_path / "participant", 24
     with process("serve", "bartels2026-validation", "--port", "0") as running:
         url = running.stdout.readline().split("/command")[0]
-        words = [
-            sys.executable,
-            FOLDER / "discrimination.py",
-            url,
-            "--out",
-            out,
-            "--subject",
-            "10",
-            "--trials",
-            "40",
-        ]
-        words += ["--hold", "0.25", "--pause", "0.06", "--seed", "3"]
+        words = f"--out {out} --subject 10 --trials {count} --hold 0.21 --pause 0.02 --seed 5".split()
+        words = [sys.executable, FOLDER / "discrimination.py", url, *words]
         done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^40 trials, \d+ reversals; threshold \d+\.\d % of 2 N, 95 % interval", done.stdout)
+    assert re.search(rf"^{count} trials, \d+ reversals; threshold \d+\.\d % of 2 N, 95 % interval", done.stdout)
     rows = list(csv.DictReader((out / "trials.csv").read_text().splitlines()))
     levels, correct = [float(row["level_percent"]) for row in rows], [row["correct"] == "True" for row in rows]
     fit = study.fit_threshold(levels, correct)
@@ -120,12 +110,12 @@ def test_it_recovers_a_threshold_through_the_bridge(tmp_path, study):
         heavier = 2 if row["first"] == "standard" else 1
         assert (int(row["answer"]) == heavier) == (row["correct"] == "True")
     stored = pq.read_table(out / "trials.parquet")
-    assert stored.num_rows == 40
+    assert stored.num_rows == count
     about = json.loads(stored.schema.metadata[b"tensionlab"])
     assert about["threshold"] == pytest.approx(list(fit))
     markers = list(csv.DictReader((out / "markers.csv").read_text().splitlines()))
-    assert len(markers) == 3 * 40 + 1
-    assert markers[-1]["text"] == "ended: 40 trials"
+    assert len(markers) == 3 * count + 1
+    assert markers[-1]["text"] == f"ended: {count} trials"
     times = [float(marker["run_time_s"]) for marker in markers]
     assert times == sorted(times)
     assert (out / "staircase.png").stat().st_size > 10_000
