@@ -56,9 +56,14 @@ class Danger:
 
 def compile_sources(folder: Path, *sources: Path) -> list[Path]:
     """Compile sources of the firmware, and return their objects."""
-    words = ["c++", "-c", *OPTIONS, *INCLUDES, "-isystem", FIRMWARE / "stubs", *sources]
-    subprocess.run([str(word) for word in words], cwd=folder, check=True)
-    return [folder / source.with_suffix(".o").name for source in sources]
+
+    def compile_one(source: Path) -> Path:
+        words = ["c++", "-c", *OPTIONS, *INCLUDES, "-isystem", FIRMWARE / "stubs", source]
+        subprocess.run([str(word) for word in words], cwd=folder, check=True)
+        return folder / source.with_suffix(".o").name
+
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(compile_one, sources))
 
 
 def compile_firmware(folder: Path) -> list[Path]:

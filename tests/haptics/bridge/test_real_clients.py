@@ -106,12 +106,12 @@ def test_ctrl_c_ends_the_run():
 @pytest.mark.slow
 @pytest.mark.skipif(installed() is None, reason="no Chromium here")
 @pytest.mark.realtime  # a real browser
-def test_the_state_page_shows_what_is_measured():
-    with served() as (url, _), browser() as (page, seen):
-        address = url.replace("ws:", "http:")
+def test_the_state_page_shows_what_is_measured(bridge):
+    with browser() as (page, seen):
+        address = bridge.replace("ws:", "http:")
         page.goto(f"{address}/")
         shown = "document.getElementById('measured').textContent"
-        with BridgeClient(url) as client:
+        with BridgeClient(bridge) as client:
             begin = time.monotonic()
             until(
                 lambda text: re.match(r"(0\.9[5-9]|1\.0\d) N, \[0\.00, ", text),
