@@ -22,7 +22,14 @@ from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, Driver, Entry,
 from tensionlab.benchmark.optimum import Optimum, deviations, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmark.results import ACCURACIES, QUANTITIES
-from tensionlab.benchmark.speed import quantile, seconds, shifted_geometric_mean, take_turns, without_collector
+from tensionlab.benchmark.speed import (
+    frozen_heap,
+    quantile,
+    seconds,
+    shifted_geometric_mean,
+    take_turns,
+    without_collector,
+)
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
 from tensionlab.support import provenance
@@ -81,10 +88,11 @@ def evaluate_set(
     present = [(each, driver(each.entry)) for each in measured if not each.entry.missing]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # backends warn of what is verified here
-        for done, (each, runs) in enumerate(present, start=1):
-            gc.collect()
-            _answer(each, runs, blocks, best[each.entry.compared_policy], budget_s, repeats)
-            progress(0.4 * done / len(present))
+        with frozen_heap():
+            for done, (each, runs) in enumerate(present, start=1):
+                gc.collect()
+                _answer(each, runs, blocks, best[each.entry.compared_policy], budget_s, repeats)
+                progress(0.4 * done / len(present))
         _time_calls(present, repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, (each, _) in enumerate(present, start=1):
             entry = each.entry

@@ -48,16 +48,25 @@ def seconds(call: Callable[..., Any], *arguments: Any) -> float:
 
 
 @contextmanager
-def without_collector() -> Iterator[None]:
-    """Keep Python's garbage collector from running, and from searching what exists already."""
+def frozen_heap() -> Iterator[None]:
+    """Keep Python's garbage collector from searching what exists already."""
     gc.collect()
     gc.freeze()
-    gc.disable()
     try:
         yield
     finally:
-        gc.enable()
         gc.unfreeze()
+
+
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """Keep Python's garbage collector from running, and from searching what exists already."""
+    with frozen_heap():
+        gc.disable()
+        try:
+            yield
+        finally:
+            gc.enable()
 
 
 def take_turns(

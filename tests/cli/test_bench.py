@@ -32,6 +32,9 @@ def test_it_writes_table_report_figures_and_manifest(bench, tmp_path):
     report = (out / "report.md").read_text(encoding="utf-8")
     assert "## trajectory" in report
     assert "Seed 4" in report
+    linked = re.findall(r"!\[.*?\]\((.*?)\)", report)
+    assert len(linked) == 2
+    assert all((out / name).is_file() for name in linked)
     lines = [line.split()[0] for line in said.splitlines() if line.startswith(("newton", "daqp"))]
     assert sorted(lines) == ["daqp,", "daqp,", "newton"]
     assert str(out / "report.md") in said
@@ -52,8 +55,7 @@ class Breaks:
 """
     (tmp_path / "fable_breaks.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    code, said, _ = bench("--set", "edge", "--solvers", "fable_breaks:Breaks,newton", "--count", 6, "--quick",
-                        "--out", "own")  # fmt: skip
+    code, said, _ = bench("--set", "edge", "--solvers", "fable_breaks:Breaks,newton", "--count", 6, "--quick")
     assert code == 0
     lines = said.splitlines()
     assert max(map(len, lines[:8])) <= 120
@@ -61,18 +63,14 @@ class Breaks:
     assert any(line.startswith("fable_breaks:Breaks: ") and "of a reason" in line for line in lines)
 
 
-def test_json_is_for_programs(bench, tmp_path):
-    code, said, _ = bench("--set", "edge", "--solvers", "newton,closed-form", "--count", 6, "--quick",
-                        "--out", tmp_path, "--json")  # fmt: skip
+def test_json_is_for_programs(bench):
+    code, said, _ = bench("--set", "edge", "--solvers", "newton,closed-form", "--count", 6, "--quick", "--json")
     assert code == 0
     found = json.loads(said)
     solved = {entry["label"]: entry["solved_1e6"] for entry in found["entries"]}  # the fastest first
     assert set(solved) == {"newton", "closed-form"}
     assert solved["newton"] == 1.0
     assert found["sets"]["edge"]["reachable"] == "all"
-    linked = re.findall(r"!\[.*?\]\((.*?)\)", (tmp_path / "report.md").read_text(encoding="utf-8"))
-    assert len(linked) == 2
-    assert all((tmp_path / name).is_file() for name in linked)
 
 
 def test_a_set_is_written_with_as_many_rows_as_asked_for(run, tmp_path):
