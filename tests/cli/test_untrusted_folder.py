@@ -50,7 +50,7 @@ RECIPES = {
     "compare": f"compare {RIG} --directions fibonacci:1 --plot c.png",
     "allocate": f"allocate {RIG} --wrench 0 0 1 --solver qp",
     "workspace": f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --metric wrench-closure --plot w.png",
-    "bench": "bench --set edge --solvers closed-form,daqp --count 2 --quick --out bench",
+    "bench": "bench --set edge --solvers closed-form,daqp --count 2 --quick",
     "scenario": "scenario materials --seconds 0.2 --view",
     "serve": f"serve {RIG} --seconds 0.2 --port 0 --view",
     "simulate": "simulate",
