@@ -63,14 +63,6 @@ def test_the_committed_figures_are_up_to_date(tmp_path, make):
     assert not different, "run `make figures` and look at what changed"
 
 
-def test_the_same_data_make_the_same_bytes(tmp_path, make):
-    for out in ("one", "two"):
-        assert make(tmp_path / out, "time-accuracy") == (0, "")
-    for suffix in (".pdf", ".png"):
-        one, two = (tmp_path / out / f"time-accuracy{suffix}" for out in ("one", "two"))
-        assert one.read_bytes() == two.read_bytes()
-
-
 def test_other_data_make_other_figures_and_tables(tmp_path, make):
     data = tmp_path / "datasets"
     shutil.copytree(ROOT / "datasets", data)

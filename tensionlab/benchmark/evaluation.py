@@ -22,14 +22,7 @@ from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, Driver, Entry,
 from tensionlab.benchmark.optimum import Optimum, deviations, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmark.results import ACCURACIES, QUANTITIES
-from tensionlab.benchmark.speed import (
-    frozen_heap,
-    quantile,
-    seconds,
-    shifted_geometric_mean,
-    take_turns,
-    without_collector,
-)
+from tensionlab.benchmark.speed import quantile, seconds, shifted_geometric_mean, take_turns, without_collector
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
 from tensionlab.support import provenance
@@ -88,7 +81,7 @@ def evaluate_set(
     present = [(each, driver(each.entry)) for each in measured if not each.entry.missing]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # backends warn of what is verified here
-        with frozen_heap():
+        with without_collector():
             for done, (each, runs) in enumerate(present, start=1):
                 gc.collect()
                 _answer(each, runs, blocks, best[each.entry.compared_policy], budget_s, repeats)

@@ -48,25 +48,16 @@ def seconds(call: Callable[..., Any], *arguments: Any) -> float:
 
 
 @contextmanager
-def frozen_heap() -> Iterator[None]:
-    """Keep Python's garbage collector from searching what exists already."""
+def without_collector() -> Iterator[None]:
+    """Keep Python's garbage collector from running, and from searching what exists already."""
     gc.collect()
     gc.freeze()
+    gc.disable()
     try:
         yield
     finally:
+        gc.enable()
         gc.unfreeze()
-
-
-@contextmanager
-def without_collector() -> Iterator[None]:
-    """Keep Python's garbage collector from running, and from searching what exists already."""
-    with frozen_heap():
-        gc.disable()
-        try:
-            yield
-        finally:
-            gc.enable()
 
 
 def take_turns(

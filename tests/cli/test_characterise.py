@@ -12,22 +12,11 @@ from benchmarks.processes import simulated
 from tensionlab.validation.characterisation import CharacterisationPlan, characterise
 
 
-@pytest.fixture
-def fewer(monkeypatch):
-    """Measure less of a rig: one damping of walls, three directions, and few frequencies."""
-    values = {
-        "WALL_DAMPINGS_NS_M": (0.0,),
-        "DIRECTIONS": np.eye(3),
-        "RATE_SHARES": np.array([0.02, 0.1]),
-        "VIBRATIONS_HZ": np.array([20.0, 60.0, 80.0, 100.0]),
-    }
-    for name, value in values.items():
-        monkeypatch.setattr(f"tensionlab.validation.characterisation.{name}", value)
+def test_one_command_measures_a_rig_as_a_device(run, tmp_path, monkeypatch):
+    few = {"WALL_DAMPINGS_NS_M": (0.0,), "DIRECTIONS": np.eye(3), "RATE_SHARES": np.array([0.02, 0.1])}
+    for name, values in (few | {"VIBRATIONS_HZ": np.array([20.0, 60.0, 80.0, 100.0])}).items():
+        monkeypatch.setattr(f"tensionlab.validation.characterisation.{name}", values)
     monkeypatch.setattr("tensionlab.validation.measurements.MAX_TRIALS", 1)
-
-
-@pytest.mark.usefixtures("fewer")
-def test_one_command_measures_a_rig_as_a_device(run, tmp_path):
     out = tmp_path / "tetra"
     code, text, _ = run("characterise", "tetra-4", "--out", out)
     assert code == 0

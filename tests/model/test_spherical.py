@@ -82,7 +82,7 @@ def test_tensions_render_moments_where_a_linear_program_has_some():
 def test_sweeps_over_orientations_have_the_metrics_of_each():
     required = tl.Requirement(gravity=True, box=[0.2, 0.2, 0.05])
     turns = TURNS[:120]
-    poses = tl.workspace.PoseList(np.tile(CENTRE, (120, 1)), turns)
+    poses = tl.workspace.PoseList(np.tile(CENTRE, (len(turns), 1)), turns)
     names = ["wrench-feasible", "capacity-margin", "wrench-closure"]
     found = tl.sweep(RIG, poses, names, required=required)
     feasible = []
