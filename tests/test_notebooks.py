@@ -245,7 +245,6 @@ def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
     client.execute(env=env, cleanup_kc=True)
 
 
-@pytest.mark.realtime  # a kernel in a process of its own
 def test_figures_and_tables_show_once_in_a_kernel_with_or_without_pyplot(folder: Path, tmp_path: Path) -> None:
     sources = [
         "import tensionlab as tl; rig = tl.load_rig('tetra-4'); tl.plot(rig)",

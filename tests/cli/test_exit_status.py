@@ -81,7 +81,6 @@ def process(line, **options):
             running.kill()
 
 
-@pytest.mark.realtime  # processes: the interpreter writes at its end what is left
 @needs_full
 def test_the_interpreter_has_nothing_to_add_at_its_end():
     reader, writer = os.pipe()

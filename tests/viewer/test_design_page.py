@@ -150,7 +150,6 @@ def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch, browser):
 
 @pytest.mark.slow
 @needs_browser
-@pytest.mark.realtime  # two real browsers
 def test_browsers_with_the_token_show_one_state_and_one_that_is_closed_harms_nothing(browser):
     with served(host="0.0.0.0") as page:
         port, token = page.server.viser.get_port(), page.server.url.partition("=")[2]

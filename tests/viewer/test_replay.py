@@ -190,7 +190,6 @@ def test_a_run_of_which_nothing_can_be_drawn_is_refused_with_the_name_of_its_fil
         replay.require_drawable(replace(recorded, **change(recorded)), "bad.mcap")
 
 
-@pytest.mark.realtime  # a real server
 def test_picture_and_texts_follow_the_time_that_is_chosen(recorded, monkeypatch):
     passing = SimulatedTime()
     monkeypatch.setattr(replay, "time", passing)
@@ -219,7 +218,6 @@ def test_picture_and_texts_follow_the_time_that_is_chosen(recorded, monkeypatch)
 
 @pytest.mark.slow
 @needs_browser
-@pytest.mark.realtime  # a real browser
 def test_a_log_is_scrubbed_and_played_in_a_browser(recorded):
     status = np.where(recorded.time < 0.6, Status.EXACT, Status.NEAREST).astype(np.int8)
     page = replay.ReplayPage(replace(recorded, status=status), PageServer())

@@ -111,7 +111,6 @@ def hostile_messages(panel):
     yield b"\x84" + passed[1:] + msgspec.msgpack.encode("type") + msgspec.msgpack.encode("ShareUrlRequest")
 
 
-@pytest.mark.realtime  # a real server
 def test_messages_of_a_hostile_client_with_the_token_change_nothing(tmp_path, monkeypatch):
     (tmp_path / "evil_solver.py").write_text("raise SystemExit('this must not run')\n")
     monkeypatch.chdir(tmp_path)
@@ -130,7 +129,6 @@ def test_messages_of_a_hostile_client_with_the_token_change_nothing(tmp_path, mo
         until(lambda: page.state.solver == "minimax", "the choice")
 
 
-@pytest.mark.realtime  # a real server
 def test_a_message_that_is_too_long_ends_its_connection_alone():
     with served() as page, joined(page.server.url) as client:
         with joined(page.server.url) as other:
@@ -141,7 +139,6 @@ def test_a_message_that_is_too_long_ends_its_connection_alone():
         until(lambda: page.state.position[1] == 0.5, "the edit")
 
 
-@pytest.mark.realtime  # a real server
 def test_nothing_is_saved_or_read_outside_the_folder_in_which_the_page_was_started(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     (tmp_path / "secret.toml").write_text("password = 'abc'\n")
@@ -163,7 +160,6 @@ def test_nothing_is_saved_or_read_outside_the_folder_in_which_the_page_was_start
         assert sorted(each.name for each in tmp_path.iterdir()) == ["here", "secret.toml"]
 
 
-@pytest.mark.realtime  # a real server
 def test_the_page_outlives_edits_that_fail_and_states_that_cannot_be_shown():
     with served("cogiro") as page:
         before = page.state
@@ -198,7 +194,6 @@ def test_an_address_at_which_nothing_can_listen_is_refused():
                 PageServer(host, port)
 
 
-@pytest.mark.realtime  # a real server
 def test_a_browser_is_opened_without_its_call_telling_the_token(tmp_path, monkeypatch):
     called = []
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
@@ -217,7 +212,6 @@ def test_a_browser_is_opened_without_its_call_telling_the_token(tmp_path, monkey
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.realtime  # a real server
 def test_pages_of_others_are_refused_and_garbage_leaves_no_traceback(caplog):
     server = PageServer()
     url, origin = server.url.replace("http", "ws"), server.url.partition("/?")[0]

@@ -24,7 +24,6 @@ def opened(monkeypatch):
     return urls
 
 
-@pytest.mark.realtime  # a real server
 def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(opened, monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", None)
     rig = tl.load_rig(RIG)
@@ -49,7 +48,6 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
 
 @pytest.mark.slow
 @needs_browser
-@pytest.mark.realtime  # a real browser
 def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened, monkeypatch):
     shell = SimpleNamespace(kernel=object())
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))

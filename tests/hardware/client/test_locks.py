@@ -24,7 +24,6 @@ sys.stdin.read()
 pytestmark = pytest.mark.usefixtures("locks_folder")
 
 
-@pytest.mark.realtime  # a process is stopped, and killed with -9
 def test_a_module_belongs_to_its_process_even_if_that_hangs_until_it_is_killed(locks_folder):
     with running(HOLD, str(locks_folder), "a word") as process:
         said = rf"com5 is in use by process {process.pid} \(-c .* a word\); end that"

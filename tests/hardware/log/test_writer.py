@@ -102,7 +102,6 @@ def test_a_disk_that_fills_up_stops_the_writing_with_its_reason(tmp_path, monkey
     assert len(run) > 20
 
 
-@pytest.mark.realtime  # a process that is killed with -9
 def test_what_was_logged_outlives_the_process(tmp_path):
     """Killed while it writes: every cycle that was handed over is in the file, without a gap."""
     with running(WRITES, str(tmp_path / "run.mcap")) as process:

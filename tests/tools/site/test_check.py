@@ -18,7 +18,6 @@ BAD = f"""{HEAD}<p id="there">text</p><a href="none.html">a</a><a href="good.htm
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.realtime,  # a real browser
     pytest.mark.skipif(installed() is None, reason="no Chromium here"),
 ]
 

@@ -119,7 +119,6 @@ def wait_for(condition):
         time.sleep(0.01)
 
 
-@pytest.mark.realtime  # a worker is killed with -9
 def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, tmp_path):
     workers = [worker(start, scheduler), worker(start, scheduler)]
     wait_for_workers(scheduler, 2)

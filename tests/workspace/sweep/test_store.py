@@ -110,7 +110,6 @@ def test_an_interrupted_sweep_is_resumed(store, tally, inside):
         np.testing.assert_array_equal(data[name], expected[name])
 
 
-@pytest.mark.realtime  # two processes that race
 def test_two_sweeps_that_start_together_end_well(store, tally, tmp_path):
     """Each is refused in words, or opens what the other finished; the store is whole."""
     with start(store, tally) as one, start(store, tally) as other:
