@@ -9,7 +9,7 @@ from benchmarks.solver_speed import LOWER, UPPER, infeasible_wrenches, random_pr
 
 
 @pytest.mark.parametrize("weights", [None, (1.0, 4.0, 0.25)])
-@pytest.mark.parametrize("cables", [3, 4, 8, 12])
+@pytest.mark.parametrize("cables", [3, 4, 5, 8, 12])
 def test_the_nearest_wrench_is_bounded_least_squares(cables, weights):
     structure, inside = random_problems(3, cables, 100, seed=1)
     wrench = infeasible_wrenches(structure, inside, seed=1)
@@ -52,6 +52,22 @@ def test_a_free_cable_may_be_just_at_its_limit():
     found = tl.allocate(np.eye(2), (20.0, 1.0), (1.0, 10.0))
     assert found.status == tl.Status.NEAREST
     np.testing.assert_allclose(found.tensions, (10.0, 1.0), atol=1e-9)
+
+
+@pytest.mark.parametrize(("components", "cables"), [(2, 3), (3, 4), (3, 5), (3, 8), (6, 8)])
+def test_an_answer_does_not_depend_on_the_others_of_its_batch(components, cables):
+    """Where some are within reach, some just out of it, and some far."""
+    structure, inside = random_problems(components, cables, 240, seed=4)
+    wrench = infeasible_wrenches(structure, inside, seed=4)
+    wrench[::3] = inside[::3]
+    edge = tl.allocate(structure[1::3], wrench[1::3], (LOWER, UPPER), policy="direction")
+    wrench[1::3] *= np.nan_to_num(edge.scale * (1.0 + 1e-12), nan=1.0)[:, None]
+    found = tl.allocate(structure, wrench, (LOWER, UPPER))
+    assert np.isin(found.status, (tl.Status.EXACT, tl.Status.NEAREST)).all()
+    order = np.random.default_rng(4).permutation(240)
+    shuffled = tl.allocate(structure[order], wrench[order], (LOWER, UPPER))
+    for name in ("tensions", "status", "iterations", "separation"):
+        np.testing.assert_array_equal(getattr(shuffled, name), getattr(found, name)[order], err_msg=name)
 
 
 @pytest.mark.parametrize(("components", "cables"), [(3, 4), (3, 8), (3, 12), (6, 8)])

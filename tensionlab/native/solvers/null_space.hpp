@@ -6,6 +6,10 @@
 // <= b: on a line the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set
 // (Goldfarb and Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983).
 // Rounding, or a W that lacks a rank, may spoil the guess; the caller checks it.
+//
+// Where no s keeps all limits, K + 1 of them are in conflict: a combination of their cables is constant over the
+// null space, and larger at all tensions inside the limits than at u (Farkas). Its multiplier separates the
+// wrench.
 #pragma once
 
 #include "tensionlab/simd/lanes.hpp"
@@ -31,6 +35,22 @@ class NullSpace {
     }
   }
 
+  // Where limits are in conflict. separating: of such lanes, the direction d with W'd = -combination.
+  auto conflict() const { return conflict_ > V{}; }
+  void separate(const V* structure, const Factor<V, N>& gram, V (&separating)[N]) const {
+    V image[N];
+    TENSIONLAB_UNROLL
+    for (int j = 0; j < N; ++j) image[j] = V{};
+    for (int i = 0; i < kCables; ++i) {
+      V share = V{};
+      for (int k = 0; k <= K; ++k) share = conflicting_[k].cable == V{} + i ? conflicting_[k].share : share;
+      if constexpr (K == 1) share *= pace(i);
+      TENSIONLAB_UNROLL
+      for (int j = 0; j < N; ++j) image[j] -= share * structure[j * kCables + i];
+    }
+    gram.solve(image, separating);
+  }
+
   // 1 where cable i is at its lower limit, 2 where it is at its upper one, else 0.
   V at(int i) const {
     V found = V{};
@@ -41,11 +61,16 @@ class NullSpace {
  private:
   static constexpr int kCables = N + K;
   static constexpr int kRounds = 5;
-  static constexpr double kTiny = 1e-30, kInside = 1e-12;
+  static constexpr double kTiny = 1e-30, kInside = 1e-12, kFar = 1e300;
 
   // n's >= c, of a cable at a side: 1 lower, 2 upper; no cable is -1.
   struct Bound {
     V n[2], c, cable, side;
+  };
+
+  // A cable of the combination.
+  struct Conflicting {
+    V cable, share;
   };
 
   // Direction k of the basis: the part of an arbitrary vector in the null space, orthogonal to those before.
@@ -73,14 +98,18 @@ class NullSpace {
     for (int i = 0; i < kCables; ++i) basis_[k][i] *= inverse;
   }
 
+  // On a line: how far s moves for a tension of cable i.
+  V pace(int i) const {
+    const V z = basis_[0][i];
+    return V{} + 1 / (magnitude(z) < V{} + kTiny ? V{} + kTiny : z);
+  }
+
   // The point of the interval nearest to zero.
   void find_end() {
-    const V none = V{} - 1;
-    Bound low{{}, V{}, none, V{}}, high = low;
+    Bound low{{}, V{} - kFar, V{}, V{}}, high{{}, V{} + kFar, V{}, V{}};
     for (int i = 0; i < kCables; ++i) {
-      const V z = basis_[0][i], pace = V{} + 1 / (magnitude(z) < V{} + kTiny ? V{} + kTiny : z);
-      const V a = (lower_[i] - unlimited_[i]) * pace, b = (upper_[i] - unlimited_[i]) * pace;
-      const auto rising = z > V{};
+      const V along = pace(i), a = (lower_[i] - unlimited_[i]) * along, b = (upper_[i] - unlimited_[i]) * along;
+      const auto rising = basis_[0][i] > V{};
       const V first = rising ? a : b, last = rising ? b : a;
       const auto higher = first > low.c, lower = last < high.c;
       low.c = higher ? first : low.c;
@@ -90,14 +119,19 @@ class NullSpace {
       high.cable = lower ? V{} + i : high.cable;
       high.side = lower ? (rising ? V{} + 2 : V{} + 1) : high.side;
     }
-    const auto below = high.c < V{};
-    active_[0].cable = below ? high.cable : low.cable;
+    conflict_ = low.c > high.c ? V{} + 1 : V{};
+    conflicting_[0] = {low.cable, V{} + 1};
+    conflicting_[1] = {high.cable, V{} - 1};
+    const auto below = high.c < V{}, outside = below | (low.c > V{});
+    active_[0].cable = outside ? (below ? high.cable : low.cable) : V{} - 1;
     active_[0].side = below ? high.side : low.side;
   }
 
   // The point of the polygon nearest to the origin.
   void find_corner() {
     for (Bound& each : active_) each = none();
+    for (Conflicting& each : conflicting_) each = {V{} - 1, V{}};
+    conflict_ = V{};
     V s[2] = {};
     for (int round = 0; round < kRounds; ++round) {
       Bound worst = none();
@@ -115,10 +149,29 @@ class NullSpace {
         worst.cable = worse ? V{} + i : worst.cable;
         worst.side = worse ? (under ? V{} + 1 : V{} + 2) : worst.side;
       }
-      const auto open = worst.cable >= V{};
-      if (!any(open)) return;
+      const auto violated = (worst.cable >= V{}) & (conflict_ == V{});
+      if (!any(violated)) return;
+      const auto open = violated & !oppose(worst, violated);
       add(worst, open, s);
     }
+  }
+
+  // Whether the other bounds, which meet at s, exclude a bound that s violates; notes their combination.
+  template <class Mask>
+  auto oppose(const Bound& bound, const Mask& mask) {
+    const Bound &a = active_[0], &b = active_[1];
+    const V inverse = V{} + 1 / (a.n[0] * b.n[1] - a.n[1] * b.n[0]);
+    const V first = (b.n[0] * bound.n[1] - b.n[1] * bound.n[0]) * inverse,
+            second = (a.n[1] * bound.n[0] - a.n[0] * bound.n[1]) * inverse;
+    const auto opposed = mask & (first >= V{}) & (second >= V{}) & (bound.c + first * a.c + second * b.c > V{});
+    const Bound each[3] = {bound, a, b};
+    const V price[3] = {V{} + 1, first, second};
+    for (int k = 0; k < 3; ++k) {
+      conflicting_[k].cable = opposed ? each[k].cable : conflicting_[k].cable;
+      conflicting_[k].share = opposed ? (each[k].side > V{} + 1 ? -price[k] : price[k]) : conflicting_[k].share;
+    }
+    conflict_ = opposed ? V{} + 1 : conflict_;
+    return opposed;
   }
 
   // The nearest point with another bound, in the open lanes: on it alone, or where it meets one of the others.
@@ -171,6 +224,8 @@ class NullSpace {
   const V (&upper_)[M];
   V basis_[K][kCables];
   Bound active_[K];
+  Conflicting conflicting_[K + 1];
+  V conflict_;
 };
 
 }  // namespace TENSIONLAB_BUILD

@@ -85,9 +85,10 @@ class Sweep {
 
   // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all
   // magnitudes; other: the dual without limits while that of a guess is in use, and the other way round; before:
-  // the dual before each step; guess_right: 1 or 0.
+  // the dual before each step; separating: where the limits are in conflict (1 or 0); guess_right: 1 or 0.
   struct Group {
     V structure[N * M], wrench[N], dual[N], other[N], before[kSteps][N], guess_right, diagonal[N], gain, size;
+    V conflict, separating[N];
     std::size_t first;
     int count;
   };
@@ -215,6 +216,11 @@ class Sweep {
       sums.add(column, tension, [&](const V& entry) { return free ? entry : V{}; });
     }
     sums.solve(kTight, group.diagonal, group.dual);
+    group.conflict = V{};
+    if (has(Route::separation_in_sweep) && any(null_space.conflict())) {
+      group.conflict = null_space.conflict() ? V{} + 1 : V{};
+      null_space.separate(group.structure, gram, group.separating);
+    }
   }
 
   // Takes a Newton step from the tensions inside the limits.
@@ -245,8 +251,8 @@ class Sweep {
   }
 
   // Writes the answers that are proved exact: their wrench is recomputed from the tensions as they are written.
-  // If this is not the last attempt and some are not proved, writes none, lets those begin again from the dual
-  // without limits, and returns false.
+  // If this is not the last attempt and some are neither proved nor in conflict, writes none, lets those that are
+  // not proved begin again from the dual without limits, and returns false.
   bool check_convergence(int g, bool last) {
     Group& group = group_[g];
     const Limits& limit = limits(g);
@@ -274,9 +280,11 @@ class Sweep {
     // The error, and the rounding error in it by Cauchy's inequality: half of the tolerance each at most.
     const V rounding = kUnit * kUnit * N * m_ * m_ * m_ / 2 * group.gain * change;
     const V half = settings_.tolerance * settings_.tolerance / 4 * larger(V(V{} + 1), desired);
-    const auto proved = (largest <= kConverged * kConverged * group.gain * change) & (error <= half) &
-                        (rounding <= half) & (group.size < V{} + settings_.largest);
-    if (!last && any(!proved)) {
+    auto proved = (largest <= kConverged * kConverged * group.gain * change) & (error <= half) &
+                  (rounding <= half) & (group.size < V{} + settings_.largest);
+    const auto separated = guessed_ ? group.conflict > V{} : V{} > V{};
+    if (last && guessed_) proved = proved & (!separated | (group.guess_right > V{}));
+    if (!last && any(!(proved | separated))) {
       group.guess_right = proved ? V{} + 1 : V{};
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) std::swap(group.dual[k], group.other[k]);
@@ -301,7 +309,8 @@ class Sweep {
     }
     remainder_.invalid = remainder_.invalid || any(!(group.size < V{} + settings_.largest));
     V direction[N] = {};
-    if (has(Route::separation_in_sweep)) find_direction(group, limit, direction);
+    if (has(Route::separation_in_sweep) && last) find_direction(group, limit, direction);
+    for (int k = 0; k < N; ++k) direction[k] = separated ? group.separating[k] : direction[k];
     for (int l = 0; l < group.count; ++l) {
       const std::size_t row = group.first + static_cast<std::size_t>(l);
       if (holds(proved, l)) {
