@@ -53,7 +53,7 @@ def answers(runs: Driver, problem: Problem) -> tuple[Floats, Floats]:
         times = np.full(len(problem), np.inf)
         with without_collector():
             for _ in range(REPEATS):
-                times = np.minimum(times, [runs.call(problem, row).call for row in range(len(problem))])
+                times = np.minimum(times, [runs.call(problem, row).call_s for row in range(len(problem))])
     return tensions, np.array([float(f"{time:.2e}") for time in times])
 
 

@@ -22,7 +22,7 @@ from tensionlab import datasets
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.hardware.runner.cycle_table import COLUMNS
-from tools.generate_benchmark_table import section
+from tools.generate_benchmark_table import headline, section
 from tools.generate_bridge_docs import SCHEMA_FILE, document
 from tools.generate_firmware_docs import sections, table
 from tools.generate_solver_choice import choice
@@ -112,8 +112,8 @@ def log_columns() -> str:
     return table(("Column", "Unit", "Further axes", "Meaning"), rows)
 
 
-def _benchmark() -> str:
-    return section(datasets.load("benchmarks/results"))
+def _measured(make: Callable[[Any], str]) -> Callable[[], str]:
+    return lambda: make(datasets.load("benchmarks/results"))
 
 
 def _table(name: str) -> Callable[[], str]:
@@ -128,12 +128,11 @@ def _firmware() -> dict[str, str]:
 BLOCKS: dict[str, Callable[[], str]] = {
     "compare": compared,
     "what-if": what_if,
-    "bench": _benchmark,
+    **{name: _measured(make) for name, make in (("bench", section), ("headline", headline), ("choice", choice))},
     "log-columns": log_columns,
     "bill": bill,
     "measures": measures,
     "loads": loads,
-    "choice": lambda: choice(datasets.load("benchmarks/results")),
     **{name: _table(name) for name in _firmware()},
 }  # what makes each block, by its name
 # What makes each file that is generated as a whole.

@@ -6,6 +6,7 @@ from tensionlab.benchmark.results import Results
 from tensionlab.solvers import make
 from tensionlab.support.formatting import format_duration, format_share
 from tensionlab.support.table import Column, Table
+from tools.generate_benchmark_table import age
 
 # Needs of a user, and the solver for each.
 CHOICES = (
@@ -23,7 +24,8 @@ CHOICES = (
 COLUMNS = {
     "solved_1e6": Column("renders", format=format_share),
     "elsewhere": Column("best if infeasible", format=format_share),
-    "sgm_s": Column("typical call", format=format_duration),
+    "batch_s": Column("in a batch", format=format_duration),
+    "sgm_s": Column("one call", format=format_duration),
     "p999_s": Column("99.9 % within", format=format_duration),
 }
 
@@ -36,11 +38,11 @@ def choice(found: Results) -> str:
         policies = ", ".join(make(solver).policies) or "no promise"
         rows.append([need, f"`{solver}`", policies, *summary.loc[solver, [*COLUMNS]]])
     columns = ["you want", "solver", "infeasible wrenches", *COLUMNS.values()]
-    processor = found.manifest["processor"]
-    about = (
+    about = found.manifest
+    notes = (
         "*Renders*: the share of feasible problems rendered to 1e-6 N; problems that a solver refuses (for "
         "`polygon` those with more than two redundant cables) count as missed. *Best if infeasible*: the share of "
         "problems, in sets with infeasible wrenches, whose error is the least possible to 1e-6 N. "
-        f"Times are of one call with verification, on one thread of {processor}."
+        f"Times are with verification, on one thread of {about['processor']}, {about['date'][:10]}{age(about)}"
     )
-    return f"{Table(columns, rows).to_markdown()}\n\n{about}"
+    return f"{Table(columns, rows).to_markdown()}\n\n{notes}"

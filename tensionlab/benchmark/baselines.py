@@ -37,18 +37,20 @@ TIGHT: dict[str, dict[str, Any]] = {
 }  # settings that make each backend as accurate as its own options allow; quadprog has none
 ALWAYS: dict[str, dict[str, Any]] = {
     # Without a limit it spends 50 s on some infeasible wrenches; feasible ones need some 20 iterations.
-    "proxqp": {"max_iter": 500},
+    "proxqp": {"max_iter": 500, "compute_timings": True},
+    "piqp": {"compute_timings": True},
     "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},  # it may cycle on infeasible wrenches
-}  # settings in both cases that keep a backend from hanging
+}  # settings in both cases: they keep a backend from hanging, and let it read its own clock
 DAQP_EQUALITY = 5  # DAQP's mark of a constraint that is an equality
 
 
 class Reply(NamedTuple):
-    """Unverified, unclipped tensions of a baseline, (m,), in N, or a reason; iterations by its own count."""
+    """Unverified, unclipped tensions of a baseline, (m,), in N, or a reason; iterations and seconds as it says."""
 
     tensions: Floats | None
     iterations: int = 0
     failure: str = ""
+    own_s: float = np.nan
 
 
 def load_daqp() -> Any:
@@ -84,7 +86,8 @@ class DirectDaqp:
         """Read DAQP's result."""
         solution, _, flag, info = result
         tensions = finite_tensions(solution, len(program[1]))
-        return Reply(tensions, int(info["iterations"]), f"gave no finite tensions (exit flag {flag})")
+        own_s = info["setup_time"] + info["solve_time"]
+        return Reply(tensions, int(info["iterations"]), f"gave no finite tensions (exit flag {flag})", own_s)
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,9 @@ class PlainProgram:
         """Read a solution of qpsolvers."""
         info = result.extras.get("info")
         iterations = info.iter if info else result.extras.get("iterations", [0])[0]
-        return Reply(finite_tensions(result.x, len(program.q)), int(iterations), "gave no finite tensions")
+        own_s = info.run_time if info else result.extras.get("solve_time", np.nan)
+        own_s *= 1e-6 if self.backend == "proxqp" else 1.0  # ProxQP counts microseconds
+        return Reply(finite_tensions(result.x, len(program.q)), int(iterations), "gave no finite tensions", own_s)
 
 
 @dataclass(frozen=True)
@@ -160,8 +165,9 @@ class PlainConvex:
     def read(self, program: CompiledPrograms, result: Any) -> Reply:
         """Read the variables of the program."""
         tensions = finite_tensions(program.t.value, program.t.size)
-        iterations = program.closest.solver_stats.num_iters or 0
-        return Reply(tensions, iterations, f"gave no tensions ({program.closest.status})")
+        stats = program.closest.solver_stats
+        own_s = np.nan if stats.solve_time is None else stats.solve_time
+        return Reply(tensions, stats.num_iters or 0, f"gave no tensions ({program.closest.status})", own_s)
 
 
 # `build` puts one problem, (n, m), (n,), (m,), (m,), into the library's form, `run` solves it or returns the

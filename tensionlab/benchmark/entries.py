@@ -91,10 +91,11 @@ def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None)
 
 
 class CallTimes(NamedTuple):
-    """Wall time of one call, and the part of it that builds a baseline's program, in s."""
+    """Wall time of a call, its part that builds a baseline's program, and what the baseline's clock says, in s."""
 
-    call: float
-    build: float = np.nan
+    call_s: float
+    build_s: float = np.nan
+    own_s: float = np.nan
 
 
 @dataclass
@@ -134,11 +135,12 @@ class _Baseline:
             if isinstance(result, Exception):
                 answer.failures[row] = f"{type(result).__name__}: {result}"
                 continue
-            tensions, answer.iterations[row], failure = self.solver.read(program, result)
-            if tensions is None:
-                answer.failures[row] = failure
+            reply = self.solver.read(program, result)
+            answer.iterations[row] = reply.iterations
+            if reply.tensions is None:
+                answer.failures[row] = reply.failure
             else:
-                answer.tensions[row] = tensions
+                answer.tensions[row] = reply.tensions
         return answer
 
     def call(self, problem: Problem, row: int) -> CallTimes:
@@ -146,8 +148,10 @@ class _Baseline:
         began = time.perf_counter()
         program = self.solver.build(*arrays)
         built = time.perf_counter()
-        self.solver.run(program)
-        return CallTimes(time.perf_counter() - began, built - began)
+        result = self.solver.run(program)
+        call_s = time.perf_counter() - began
+        own_s = np.nan if isinstance(result, Exception) else self.solver.read(program, result).own_s
+        return CallTimes(call_s, built - began, own_s)
 
 
 def _one(problem: Problem, row: int) -> list[Floats]:

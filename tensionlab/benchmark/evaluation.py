@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, Driver, Entry, GuardedSolver, driver
+from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, CallTimes, Driver, Entry, GuardedSolver, driver
 from tensionlab.benchmark.optimum import Optimum, deviations, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmark.results import ACCURACIES, QUANTITIES
@@ -129,6 +129,7 @@ def summarise(problem_set: str, measured: Measurements) -> dict[str, Any]:
         "gap_max": largest["gap"],
         "sgm_s": shifted_geometric_mean(call),
         "prebuilt_s": shifted_geometric_mean(call - measured.values["build_s"]),
+        "own_s": shifted_geometric_mean(measured.values["own_s"]),
         "median_s": quantile(call, 0.5),
         "p99_s": quantile(call, 0.99),
         "p999_s": quantile(call, 0.999),
@@ -170,7 +171,7 @@ def _answer(
                 warm.add(block.problem.structure.shape[1:])
             began = time.perf_counter()
             answer = runs.answers(block.problem)
-            call = runs.call(block.problem, 0).call
+            call = runs.call(block.problem, 0).call_s
         except (TensionlabError, ValueError) as error:
             values["refused"][block.rows] = 1.0
             measured.note = measured.note or f"refuses some: {str(error).partition('; ')[0]}"
@@ -202,7 +203,7 @@ def _time_calls(
     progress: Callable[[float], None],
 ) -> None:
     """Time single calls of all entries, in turns of a block; the fastest call of each problem counts."""
-    callers: dict[int, tuple[Block, dict[int, Callable[[int], tuple[float, ...]]]]] = {}
+    callers: dict[int, tuple[Block, dict[int, Callable[[int], CallTimes]]]] = {}
     for number, (measured, runs) in enumerate(present):
         for block in measured.timed:
             callers.setdefault(id(block), (block, {}))[1][number] = partial(runs.call, block.problem)
@@ -211,10 +212,11 @@ def _time_calls(
         for repeat in range(repeats):
             for done, turn in enumerate(rng.permutation(len(turns))):
                 block, mine = turns[turn]
-                for number, row, (call, build) in take_turns([(range(len(block.rows)), mine)], rng):
+                for number, row, times in take_turns([(range(len(block.rows)), mine)], rng):
                     values, problem = present[number][0].values, block.rows[row]
-                    if not call >= values["call_s"][problem]:
-                        values["call_s"][problem], values["build_s"][problem] = call, build
+                    if not times.call_s >= values["call_s"][problem]:
+                        for name, time_s in times._asdict().items():
+                            values[name][problem] = time_s
                 gc.collect()
                 progress((repeat + (done + 1) / len(turns)) / repeats)
 

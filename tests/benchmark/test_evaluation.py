@@ -14,6 +14,7 @@ from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
 from tensionlab.solvers.base import Answer
 
 BUDGET_S = 10.0
+WITHOUT_CLOCK = ("qpsolvers:daqp", "qpsolvers:quadprog", "qpsolvers:highs")
 # Two cables that pull together: the best is half each.
 SUMS = Group("sums", np.ones((3, 1, 2)), np.array([[4.0], [6.0], [8.0]]), np.zeros(2), np.full(2, 5.0))
 LONE = Group("lone", np.ones((2, 1, 1)), np.array([[1.0], [2.0]]), np.zeros((2, 1)), np.full((2, 1), 5.0))
@@ -64,6 +65,8 @@ def test_every_entry_answers_and_is_timed():
             assert row.gap_max < 1e-2, row
         assert np.isfinite(row.build_s) == (row.setting != "proved")
         assert np.isfinite(row.batch_s) == (row.setting == "proved")
+        clock = row.setting != "proved" and row.solver not in WITHOUT_CLOCK
+        assert (0 < row.own_s < row.sgm_s) if clock else np.isnan(row.own_s), row
     newton = found.rows[0]
     assert (newton.solver, newton.solved_1e9, newton.proved) == ("newton", 1.0, 5)
     assert newton.gap_max < 1e-12

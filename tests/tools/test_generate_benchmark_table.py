@@ -10,7 +10,8 @@ from tensionlab.benchmark import results
 from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import KEY
-from tools.generate_benchmark_table import COMMITTED, main, section
+from tools import generate_benchmark_table
+from tools.generate_benchmark_table import COMMITTED, headline, main, section
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,6 +36,13 @@ def test_the_table_says_what_was_measured_on_what_and_when(bench_results):
     assert f"on one thread of {about['processor']}" in text
     assert f"{about['date'][:10]}, tensionlab {tensionlab.__version__}" in text
     assert all(label in text for label in bench_results.summary()["label"])
+
+
+def test_a_run_before_a_change_of_the_solvers_says_so(bench_results, monkeypatch):
+    bench_results.manifest["bench"]["sources"] = generate_benchmark_table.sources()
+    assert not any("have changed since" in make(bench_results) for make in (section, headline))
+    monkeypatch.setattr(generate_benchmark_table, "TIMED", ("tensionlab/allocation.py",))
+    assert all("have changed since" in make(bench_results) for make in (section, headline))
 
 
 def test_other_results_make_another_table(bench_results):
