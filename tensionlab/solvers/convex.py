@@ -13,6 +13,7 @@ from tensionlab.errors import UnknownSolver, optional_import
 from tensionlab.solvers.base import Answer, Policy, Problem
 from tensionlab.solvers.programs import NO_TENSIONS, ScaledProblem, choose_each, finite_tensions
 from tensionlab.support.arrays import Floats
+from tensionlab.support.operating_system import holding_interrupts
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
@@ -62,7 +63,7 @@ class ConvexProgram:
 
 def require_cvxpy() -> None:
     """Raise MissingDependency if cvxpy is not installed."""
-    with optional_import("reference", "solver cvxpy"):
+    with optional_import("reference", "solver cvxpy"), holding_interrupts():
         import cvxpy  # noqa: F401
 
 

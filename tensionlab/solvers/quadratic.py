@@ -21,6 +21,7 @@ from tensionlab.solvers.programs import (
     independent_rows,
 )
 from tensionlab.support.arrays import Floats
+from tensionlab.support.operating_system import holding_interrupts
 
 # QP solvers by their names in qpsolvers, with settings that make their answers pass `TOLERANCE`.
 BACKENDS: dict[str, dict[str, Any]] = {
@@ -61,7 +62,8 @@ def import_qpsolvers() -> Any:
     """Return qpsolvers, imported without JAX, which it imports before it finds that there is no jaxopt."""
     if find_spec("jaxopt") is None:
         sys.modules["qpsolvers.solvers.jaxopt_osqp_"] = None  # type: ignore[assignment]
-    import qpsolvers
+    with holding_interrupts():
+        import qpsolvers
 
     return qpsolvers
 

@@ -81,6 +81,25 @@ def interrupt_main_thread() -> None:
         signal.pthread_kill(main, signal.SIGTERM)
 
 
+@contextmanager
+def holding_interrupts() -> Iterator[None]:
+    """Hold a Ctrl-C back until the end of this context, in the main thread.
+
+    For imports of compiled modules: an interrupt makes some end the process, and some go on as if none had come.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
+
+
 def retry_while_locked(act: Callable[[], Result]) -> Result:
     """Call what replaces, renames or removes a file, and return its result.
 

@@ -122,6 +122,18 @@ class Busy:
         return self.act(*args)
 
 
+def test_ctrl_c_comes_when_an_import_has_ended():
+    came = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        with operating_system.holding_interrupts():
+            signal.raise_signal(signal.SIGINT)
+            assert came == []
+        assert came == [signal.SIGINT]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_a_file_that_another_program_has_open_is_waited_for_on_windows_for_a_while(windows):
     assert windows.retry_while_locked(soon := Busy(5)) == "done"
     assert soon.tried == 6
