@@ -207,6 +207,7 @@ def certify_cells(
     closure: bool,
     radii: NDArray[float64] | None,
     axes: NDArray[float64] | None,
+    weight: bool,
     centres: NDArray[float64],
     half_edges: NDArray[float64],
     with_shares: bool,

@@ -92,7 +92,8 @@ def certify(centres, m, n=6):
     wrenches = np.zeros((1, 1, n))
     limits = np.zeros(m), np.full(m, 50.0)
     return _native.certify_cells(
-        anchors, arms, *limits, wrenches, 1.0, 0.0, 0.0, 1.0, False, None, None, centres, np.full(3, 0.01), True
+        anchors, arms, *limits, wrenches, 1.0, 0.0, 0.0, 1.0, False, None, None, False,
+        centres, np.full(3, 0.01), True,
     )
 """
 

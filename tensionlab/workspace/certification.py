@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -59,7 +60,8 @@ def certify(
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
-    shown in ``tensionlab/native/workspace/certify.cpp``, and bounds for pulleys in ``pulley_bend.hpp`` there. Over
+    shown in ``tensionlab/native/workspace/certify.cpp``, bounds for orientations in ``cell_columns.hpp`` and
+    ``tension_policy.hpp`` there, and those for pulleys in ``pulley_bend.hpp``. Over
     pulleys the bounds are further apart, and clearance cannot be proved; a position with an attachment inside its
     pulley is outside.
 
@@ -277,9 +279,9 @@ class CellProblem(NamedTuple):
 
     Anchors and arms (k, m, d) are in world axes, in m; limits (m,) in N; wrenches (k, w, n), whose torques are
     divided by the length, and all within the radius of them. All rotations within the angle, in rad, of each count
-    as well; the torque of a weight changes by up to the slack. With ``closure``, wrench closure is required in
-    place of the wrenches; radii (m,) and axes (m, d) are those of pulleys, if there are any; with ``clearance``,
-    cables must keep a distance as well.
+    as well, and change the wrenches by up to the slack; a weight (d,), in N, with its arms (k, d) is held, too.
+    With ``closure``, wrench closure is required in place of the wrenches; radii (m,) and axes (m, d) are those of
+    pulleys, if there are any; with ``clearance``, cables must keep a distance as well.
     """
 
     anchors: Floats
@@ -294,6 +296,7 @@ class CellProblem(NamedTuple):
     closure: bool
     radii: Floats | None = None
     axes: Floats | None = None
+    weight: tuple[Floats, Floats] | None = None
     clearance: ClearanceProblem | None = None
 
     def without(self, lost: int) -> CellProblem:
@@ -326,9 +329,23 @@ class CellProblem(NamedTuple):
         return Verdicts(verdict, found)
 
     def _prove_wrenches(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
-        statement = self[:-1]  # all but the clearance
-        verdict, found = _native.certify_cells(*statement, np.ascontiguousarray(centres), half_edges, shares)
+        problem = self if self.weight is None else self._with_weight(*self.weight)
+        cells = (self.weight is not None, np.ascontiguousarray(centres), half_edges, shares)
+        verdict, found = _native.certify_cells(*problem[:-2], *cells)  # all but the clearance
         return Verdicts(verdict, _whole(verdict) if found is None else found)
+
+    def _with_weight(self, force: Floats, arms: Floats) -> CellProblem:
+        """Return the statement with the weight as the last cable: its anchor is the force, its tension 1."""
+        pulleys: dict[str, Any] = {}
+        if self.radii is not None and self.axes is not None:
+            pulleys = {"radii": np.append(self.radii, 0.0), "axes": np.vstack([self.axes, np.zeros(len(force))])}
+        return self._replace(
+            anchors=np.concatenate([self.anchors, np.broadcast_to(force, arms[:, None].shape)], axis=1),
+            arms=np.concatenate([self.arms, arms[:, None]], axis=1),
+            lower=np.append(self.lower, 1.0),
+            upper=np.append(self.upper, 1.0),
+            **pulleys,
+        )
 
 
 def _whole(verdict: NDArray[np.int8]) -> Floats:
@@ -346,6 +363,15 @@ def _orientations(rig: Rig, rotations: ArrayLike | None) -> tuple[Floats | None,
     if matrices.ndim != 3 or not len(matrices):
         raise InputError(f"rotations has shape {matrices.shape}; give one, or several in a row")
     return turns, matrices
+
+
+def _require_free_cables(rig: Rig, free: int) -> None:
+    """Refuse a rig with fewer cables whose tension can change than wrench components."""
+    if free < rig.n:
+        raise InputError(
+            f'rig "{rig.name}" has {rig.n} wrench components and {free} cables whose tension can change; give it '
+            f"{rig.n} or more"
+        )
 
 
 def cell_problem(
@@ -377,6 +403,7 @@ def cell_problem(
     turns, matrices = _orientations(rig, rotations)
     arms = kinematics.rotate(matrices, rig.attachments) if n > d else np.zeros((1, m, d))
     lower, upper, radius, slack, length = rig.limits.lower, rig.limits.upper, 0.0, 0.0, 1.0
+    weight = None
     closure = isinstance(required, str)
     if isinstance(required, str):
         if required != WRENCH_CLOSURE:
@@ -388,20 +415,18 @@ def cell_problem(
         wanted = rig.required if required is None else as_requirement(required)
         wanted.check_rig(rig)
         length = wanted.length_for(rig) if n > d else 1.0
+        if angle and wanted.gravity and m < _native.MAX_CABLES and rig.platform is not None:
+            com = np.zeros(d) if rig.platform.com is None else rig.platform.com
+            weight, wanted = (rig.gravity()[:d], matrices @ com), replace(wanted, gravity=False)
         corners = wanted.at(rig, turns) / wanted.divisors(rig)
         wrenches = np.broadcast_to(corners, (len(arms), *corners.shape[-2:]))
         radius = wanted.ball
         slack = wanted.turned_torque(rig, angle) / length
-    free = int((lower < upper).sum())
-    if free < n:
-        raise InputError(
-            f'rig "{rig.name}" has {n} wrench components and {free} cables whose tension can change; give it '
-            f"{n} or more"
-        )
+    _require_free_cables(rig, int((lower < upper).sum()))
     anchors, arms, lower, upper, wrenches = (
         np.ascontiguousarray(each) for each in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
     )
-    keeps = clearance_problem(rig, clearance, matrices, frames)
     radii, axes = (None, None) if pulleys is None else map(np.ascontiguousarray, pulleys)
-    statement = (radius, slack, float(angle), length, closure, radii, axes, keeps)
+    keeps = clearance_problem(rig, clearance, matrices, frames)
+    statement = (radius, slack, float(angle), length, closure, radii, axes, weight, keeps)
     return CellProblem(anchors, arms, lower, upper, wrenches, *statement)

@@ -159,8 +159,8 @@ Out<double, 2> segment_distances(const Contiguous<double, 4>& segments, const Co
 
 nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, const In<1>& upper,
                 const In<3>& required, double radius, double slack, double angle, double length, bool closure,
-                const std::optional<In<1>>& radii, const std::optional<In<2>>& axes, const In<2>& centres,
-                const In<1>& half_edges, bool with_shares) {
+                const std::optional<In<1>>& radii, const std::optional<In<2>>& axes, bool weight,
+                const In<2>& centres, const In<1>& half_edges, bool with_shares) {
   const std::size_t rotations = anchors.shape(0), m = anchors.shape(1), d = anchors.shape(2);
   const std::size_t n = required.shape(2), wrenches = required.shape(1), size = centres.shape(0);
   require_size(n, m);
@@ -188,7 +188,8 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
                          length,
                          closure,
                          whole(radii),
-                         whole(axes)};
+                         whole(axes),
+                         weight};
   const double *const centre = whole(centres), *const half_edge = contiguous(half_edges);
   const auto verdict = make_array<std::int8_t>(size);
   Out<double, 2> shares;
@@ -227,8 +228,8 @@ void bind_workspace(nb::module_& module) {
              nb::arg("axes").none(), nb::arg("halves").none());
   module.def("certify_cells", &cells, nb::arg("anchors"), nb::arg("arms"), nb::arg("lower"), nb::arg("upper"),
              nb::arg("required"), nb::arg("radius"), nb::arg("slack"), nb::arg("angle"), nb::arg("length"),
-             nb::arg("closure"), nb::arg("radii").none(), nb::arg("axes").none(), nb::arg("centres"),
-             nb::arg("half_edges"), nb::arg("with_shares"));
+             nb::arg("closure"), nb::arg("radii").none(), nb::arg("axes").none(), nb::arg("weight"),
+             nb::arg("centres"), nb::arg("half_edges"), nb::arg("with_shares"));
   module.def("pulley_bends", &bends);
 }
 

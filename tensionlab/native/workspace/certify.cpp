@@ -11,54 +11,43 @@
 // h(v) - s(v). On a ray the cables that it is across may be at either limit, as in the cones around it, so the
 // smaller of both is taken.
 //
-// Outside. One direction for which s(v) > h(v) suffices.
+// Where orientations turn, one policy of tensions may do for all poses (workspace/tension_policy.hpp), and is
+// tried before; the facets have to do for wrenches that one policy does not render.
 //
-// In both, directions may move with the pose such that the cables that they are across stay so to first order
-// (workspace/moving_direction.hpp): then the error of the bounds is quadratic in the cell's size. Moved rays still
-// span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each ray to
-// its moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose as long
-// as no direction is mapped to zero. None is while the bound is positive on all rays, since for some wrench of the
-// set it is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of |v . w| over the
-// cables that cut the cones, which is linear on them, too. The first condition holds for poses connected to the
-// middle.
+// Outside. One direction for which s(v) > h(v) suffices, at one orientation: the given one, or the turn from it
+// that lowers the least h(v) - s(v) in the middle most.
 //
-// Every bound is affine in the pose, so that it also gives the share of a cell that is proved. Rounding: a bound
-// is a sum of some hundred terms, each within a few roundings of products that are at most `scale_`; 4096 units of
-// that cover it.
+// In proofs by directions, these may move with the pose such that the cables that they are across stay so to first
+// order (workspace/moving_direction.hpp): then the error of the bounds is quadratic in the cell's size. Moved rays
+// still span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each
+// ray to its moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose
+// as long as no direction is mapped to zero. None is while the bound is positive on all rays, since for some
+// wrench of the set it is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of |v
+// . w| over the cables that cut the cones, which is linear on them, too. The first condition holds for poses
+// connected to the middle.
+//
+// Every bound becomes affine in the position (`CellBound`), so that it also gives the share of a cell that is
+// proved. Rounding: a bound is a sum of some hundred terms, each within a few roundings of products that are at
+// most `scale_`; 4096 units of that cover it.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "workspace/box_share.hpp"
 #include "workspace/facet_rays.hpp"
 #include "workspace/moving_direction.hpp"
+#include "workspace/tension_policy.hpp"
 
 namespace tensionlab {
 namespace {
 
-// value + slope . (dp, turn) + dp' C dp / 2, a bound for all poses of a cell; C row by row up to its diagonal.
-template <int N, int D>
-struct Bound {
-  double value, slope[N], curve[D * (D + 1) / 2];
-
-  template <class Pull>
-  void add(double factor, const Pull& pull, int j) {
-    value += factor * pull.value[j];
-    for (int i = 0; i < N; ++i) slope[i] += factor * pull.slope[i][j];
-    for (int i = 0; i < D * (D + 1) / 2; ++i) curve[i] += factor * pull.curve[i][j];
-  }
-};
-
 template <int N, int D>
 class CellProof {
  public:
-  CellProof(const CertifiedRig& rig, std::size_t rotation, const double* centre, const double* half_edges,
-            FacetRays<N>& rays)
-      : rig_(rig),
-        required_(rig.required + rotation * static_cast<std::size_t>(rig.wrenches * N)),
-        columns_(rig, rotation, centre, half_edges),
-        rays_(rays) {
+  CellProof(const CertifiedRig& rig, const double* centre, const double* half_edges, FacetRays<N>& rays)
+      : rig_(rig), required_(rig.required), columns_(rig, centre, half_edges), rays_(rays) {
     scale_ = 0;
     for (int k = 0; k < rig.wrenches; ++k) scale_ = std::max(scale_, size(required_ + k * N));
     scale_ += rig.radius + rig.slack;
@@ -69,13 +58,13 @@ class CellProof {
     rounding_ = 4096 * std::numeric_limits<double>::epsilon() * scale_ + kTiny;
     rays_.find(columns_.column, rig.m, loose_);
     for (const FacetRay<N>& ray : rays_.all()) spans_ = spans_ || (loose_ & ~ray.across) != 0;
-    if (spans_) look_outside();
   }
 
   // A lower bound of the share of the cell that is outside: 1 only if all of it is.
-  double outside() const {
+  double outside() {
     if (columns_.inside_pulley) return 1;
     if (!spans_) return 0;
+    look_outside();
     Direction critical(columns_, critical_);
     critical.straighten(spanning_);
     critical.follow(spanning_, 0, true);
@@ -88,7 +77,26 @@ class CellProof {
     return best;
   }
 
-  // The same for inside. Without `share` it is 1 or 0.
+  // The same for inside, by one policy of tensions.
+  double rendered() const {
+    if (!spans_ || !columns_.clear_of_pulleys) return 0;
+    return TensionPolicy<N, D>(rig_, columns_, rays_, loose_, rounding_).share();
+  }
+
+  // Finds the turn, by all of the angle, that raises what is required above the pull most; returns whether it may
+  // be enough.
+  bool worst_turn(double* turn) {
+    if (!spans_) return false;
+    look_outside();
+    Direction critical(columns_, critical_);
+    critical.follow(spanning_, 0, true);
+    const CellBound<N, D> bound = pulls_beyond(critical);
+    const double steepest = std::sqrt(dot<N - D>(bound.slope + D, bound.slope + D));
+    for (int i = 0; i < N - D; ++i) turn[i] = -columns_.angle * (1 - 0x1p-20) * bound.slope[D + i] / steepest;
+    return steepest > 0 && least_ < 2 * columns_.angle * steepest;  // the slope may double
+  }
+
+  // The same by facets. Without `share` it is 1 or 0.
   double inside(bool share) const {
     if (!spans_ || !columns_.clear_of_pulleys) return 0;
     bool middle = true, far = false;
@@ -124,29 +132,19 @@ class CellProof {
   std::uint32_t loose_ = 0;  // the cables that cut the cones
   bool spans_ = false;       // whether the columns span all wrenches
   double scale_, rounding_;
-  double critical_[N];      // the ray with the least room in the middle
+  double least_;            // room in the middle along any ray
+  double critical_[N];      // the ray with that
   std::uint32_t spanning_;  // the cables it is across
   bool violated_ = false;   // whether that room is negative
   double between_[N];       // if so, a direction between the rays with negative room
 
-  static double dot(const double* a, const double* b) {
-    double sum = 0;
-    for (int k = 0; k < N; ++k) sum += a[k] * b[k];
-    return sum;
-  }
-  static double size(const double* a) { return std::sqrt(dot(a, a)); }
-
-  double pulled(const double* v, int j) const {
-    double sum = 0;
-    for (int k = 0; k < N; ++k) sum += v[k] * columns_.column[k][j];
-    return sum;
-  }
+  static double size(const double* a) { return std::sqrt(dot<N>(a, a)); }
 
   // s(side v) without the radius, and the index of the wrench.
   double required(const double* v, double side, int& which) const {
     double most = -std::numeric_limits<double>::infinity();
     for (int k = 0; k < rig_.wrenches; ++k) {
-      const double along = side * dot(v, required_ + k * N);
+      const double along = side * dot<N>(v, required_ + k * N);
       if (along > most) {
         most = along;
         which = k;
@@ -157,26 +155,26 @@ class CellProof {
 
   // Finds the directions in which the cell may be outside.
   void look_outside() {
-    double least = std::numeric_limits<double>::infinity();
+    least_ = std::numeric_limits<double>::infinity();
     bool sound = false;
     std::fill(between_, between_ + N, 0.0);
     for (const FacetRay<N>& ray : rays_.all()) {
       if (&ray - rays_.all().data() >= 1024) checkpoint();
       if (sound && !(ray.error < 1e-6)) continue;
       double along[M];
-      for (int j = 0; j < rig_.m; ++j) along[j] = pulled(ray.v, j);
+      for (int j = 0; j < rig_.m; ++j) along[j] = columns_.pulled(ray.v, j);
       for (const double side : {1.0, -1.0}) {
         const double room = to_spare(ray, along, side);
         for (int k = 0; k < N && room < 0; ++k) between_[k] -= room * side * ray.v[k];
-        if (room < least || (!sound && ray.error < 1e-6)) {
-          least = room;
+        if (room < least_ || (!sound && ray.error < 1e-6)) {
+          least_ = room;
           for (int k = 0; k < N; ++k) critical_[k] = side * ray.v[k];
           spanning_ = ray.spanning;
           sound = ray.error < 1e-6;
         }
       }
     }
-    violated_ = least < 0;
+    violated_ = least_ < 0;
     if (!violated_) return;
     if (rig_.closure) away_from_columns();
     const double length = size(between_);
@@ -209,7 +207,7 @@ class CellProof {
       int best = 0, worst = -1;
       double along[M];
       for (int j = 0; j < rig_.m; ++j) {
-        along[j] = pulled(between_, j);
+        along[j] = columns_.pulled(between_, j);
         if (along[j] > along[best]) best = j;
         if (weight[j] > 0 && (worst < 0 || along[j] < along[worst])) worst = j;
       }
@@ -234,9 +232,9 @@ class CellProof {
                         bool& middle) const {
     bool everywhere = true;
     for (const double side : {1.0, -1.0}) {
-      Bound<N, D> bound = to_spare(ray, direction, side);
-      bound.value += dip(bound) - turn_reach(bound) - doubt(bound);
-      if (bound.value > position_reach(bound)) continue;
+      CellBound<N, D> bound = to_spare(ray, direction, side);
+      bound.settle();
+      if (bound.value > bound.reach()) continue;
       everywhere = false;
       if (missing == nullptr) continue;
       middle = middle && bound.value > 0;
@@ -246,9 +244,9 @@ class CellProof {
   }
 
   // A lower bound of the room along a ray on one side, with the tensions of the cones around it.
-  Bound<N, D> to_spare(const FacetRay<N>& ray, const Direction& direction, double side) const {
+  CellBound<N, D> to_spare(const FacetRay<N>& ray, const Direction& direction, double side) const {
     const auto& pull = direction.pull;
-    Bound<N, D> bound{};
+    CellBound<N, D> bound(columns_);
     double lost = (3 * ray.error * scale_ + rounding_) * (1 + direction.longest);
     for (int j = 0; j < rig_.m; ++j) {
       const double low = rig_.lower[j], high = rig_.upper[j];
@@ -269,23 +267,22 @@ class CellProof {
   }
 
   // Subtracts the affine part of s(side v) from a bound, and returns an upper bound of the rest.
-  double subtract_required(const Direction& direction, double side, Bound<N, D>& bound) const {
+  double subtract_required(const Direction& direction, double side, CellBound<N, D>& bound) const {
     int which = 0;
     const double most = required(direction.v, side, which);
     const double* const chosen = required_ + which * N;
     bound.value -= most;
     for (int i = 0; i < N; ++i) {
-      bound.slope[i] -= side * dot(direction.mu[i], chosen) + rig_.radius * dot(direction.mu[i], direction.v);
+      bound.slope[i] -=
+          side * dot<N>(direction.mu[i], chosen) + rig_.radius * dot<N>(direction.mu[i], direction.v);
     }
     // Another wrench may become the one that counts; and |v + mu| <= 1 + v . mu + mu . mu / 2.
     double more = 0;
     for (int k = 0; direction.longest > 0 && k < rig_.wrenches; ++k) {
       const double* const other = required_ + k * N;
-      double beyond = side * dot(direction.v, other) - most;
-      for (int i = 0; i < N; ++i) {
-        beyond += columns_.edge(i) * std::abs(dot(direction.mu[i], other) - dot(direction.mu[i], chosen));
-      }
-      more = std::max(more, beyond);
+      const double moved =
+          columns_.reach([&](int i) { return dot<N>(direction.mu[i], other) - dot<N>(direction.mu[i], chosen); });
+      more = std::max(more, side * dot<N>(direction.v, other) - most + moved);
     }
     return more + rig_.radius * (1 + direction.longest * direction.longest / 2) +
            (direction.torque() + direction.longest) * rig_.slack;
@@ -296,12 +293,11 @@ class CellProof {
     return rig_.closure ? without_closure(direction) : beyond_reach(direction);
   }
 
-  // The share in which an upper bound of the pull along v is less than required, in one turn: that suffices, since
-  // the wrenches are required in all.
-  double beyond_reach(const Direction& direction) const {
+  // An upper bound of the pull along v less what is required.
+  CellBound<N, D> pulls_beyond(const Direction& direction) const {
     const auto& pull = direction.pull;
     const double length = direction.length();
-    Bound<N, D> bound{};
+    CellBound<N, D> bound(columns_);
     double excess = rounding_ * (length + direction.longest);
     excess += (direction.torque() + direction.longest) * rig_.slack;
     for (int j = 0; j < rig_.m; ++j) {
@@ -315,11 +311,17 @@ class CellProof {
     int which = 0;
     bound.value += excess - required(direction.v, 1, which) - rig_.radius * length;
     for (int i = 0; i < N; ++i) {
-      bound.slope[i] -= dot(direction.mu[i], required_ + which * N);
-      bound.slope[i] -= rig_.radius * dot(direction.mu[i], direction.v) / length;
+      bound.slope[i] -= dot<N>(direction.mu[i], required_ + which * N);
+      bound.slope[i] -= rig_.radius * dot<N>(direction.mu[i], direction.v) / length;
     }
-    bound.value += rise(bound) - turn_reach(bound) + doubt(bound);
-    if (bound.value + position_reach(bound) < 0) return 1;
+    return bound;
+  }
+
+  // The share in which that is negative: in one turn, since the wrenches are required in all.
+  double beyond_reach(const Direction& direction) const {
+    CellBound<N, D> bound = pulls_beyond(direction);
+    bound.value += bound.bow(1) + bound.doubt();
+    if (bound.value + bound.reach() < 0) return 1;
     return std::min(share_below<D>(bound.value, bound.slope, columns_.cell).low, kNotAll);
   }
 
@@ -328,62 +330,75 @@ class CellProof {
   double without_closure(const Direction& direction) const {
     CoveredShare<D> pulled(columns_.cell);
     for (int j = 0; j < rig_.m; ++j) {
-      Bound<N, D> bound{};
+      CellBound<N, D> bound(columns_);
       bound.add(-1, direction.pull, j);
       bound.value -= direction.pull.error[j] + rounding_ * (direction.length() + direction.longest);
-      bound.value += dip(bound) - turn_reach(bound) - doubt(bound);
-      if (!(bound.value > position_reach(bound))) pulled.add(bound.value, bound.slope);
+      bound.settle();
+      if (!(bound.value > bound.reach())) pulled.add(bound.value, bound.slope);
     }
     const double share = pulled.share();
     return share > 0 ? std::min(1 - share, kNotAll) : 1;
   }
   static constexpr double kNotAll = 1 - 1e-8;
-
-  double dip(const Bound<N, D>& bound) const {
-    return columns_.dip([&](int i) { return bound.curve[i]; });
-  }
-  double rise(const Bound<N, D>& bound) const {
-    return -columns_.dip([&](int i) { return -bound.curve[i]; });
-  }
-  double position_reach(const Bound<N, D>& bound) const {
-    double reach = 0;
-    for (int i = 0; i < D; ++i) reach += std::abs(bound.slope[i]) * columns_.cell[i];
-    return reach;
-  }
-  // The largest change of a bound by rounding of the position.
-  double doubt(const Bound<N, D>& bound) const {
-    double change = 0;
-    for (int i = 0; i < D; ++i) change += std::abs(bound.slope[i]) * (columns_.half[i] - columns_.cell[i]);
-    return change;
-  }
-  double turn_reach(const Bound<N, D>& bound) const {
-    double square = 0;
-    for (int i = D; i < N; ++i) square += bound.slope[i] * bound.slope[i];
-    return columns_.angle * std::sqrt(square);
-  }
 };
+
+// Turns a vector, by Rodrigues' formula.
+template <int N, int D>
+void rotate(const double* turn, const double* x, double* out) {
+  const double angle = std::sqrt(dot<N - D>(turn, turn));
+  double once[D], twice[D];
+  CellColumns<N, D>::cross(turn, x, once);
+  CellColumns<N, D>::cross(turn, once, twice);
+  for (int k = 0; k < D; ++k) {
+    out[k] = x[k] + std::sin(angle) / angle * once[k] + (1 - std::cos(angle)) / (angle * angle) * twice[k];
+  }
+}
+
+// Lower bounds of the shares of a cell that are inside and outside, for all turns of a rig.
+template <int N, int D>
+std::pair<double, double> prove(const CertifiedRig& rig, const double* centre, const double* half_edges,
+                                bool shares, FacetRays<N> (&rays)[2]) {
+  CellProof<N, D> proof(rig, centre, half_edges, rays[0]);
+  if (N == D || !(rig.angle > 0)) {
+    const double outside = proof.outside();
+    return {outside < 1 ? proof.inside(shares) : 0, outside};
+  }
+  double turn[N], arms[kMaxCables][D];
+  const double rendered = proof.rendered();
+  if (rendered >= 1) return {1, 0};
+  CertifiedRig still = rig;  // one turn in which a pose is outside is enough
+  still.angle = still.slack = 0;
+  double outside = CellProof<N, D>(still, centre, half_edges, rays[1]).outside();
+  if (outside < 1 && proof.worst_turn(turn)) {
+    for (int j = 0; j < rig.m; ++j) rotate<N, D>(turn, rig.arms + j * D, arms[j]);
+    still.arms = arms[0];
+    still.slack = rig.slack;
+    outside = std::max(outside, CellProof<N, D>(still, centre, half_edges, rays[1]).outside());
+  }
+  return {outside < 1 ? std::max(rendered, proof.inside(shares)) : 0, outside};
+}
 
 template <int N, int D>
 void certify(const CertifiedRig& rig, const double* centres, const double* half_edges, std::size_t begin,
              std::size_t end, const CellVerdicts& found) {
-  FacetRays<N> rays;
-  CertifiedRig still = rig;
-  still.angle = still.slack = 0;
+  FacetRays<N> rays[2];
+  const bool shares = found.shares != nullptr;
   for (std::size_t cell = begin; cell < end; ++cell) {
+    const double* const centre = centres + cell * D;
     double inside = 1, outside = 0;
     for (int rotation = 0; rotation < rig.rotations && outside < 1; ++rotation) {
       checkpoint();
-      const auto at = static_cast<std::size_t>(rotation);
-      if (rig.angle > 0) {  // one turn in which a pose is outside is enough, and least is lost in none
-        outside = std::max(outside, CellProof<N, D>(still, at, centres + cell * D, half_edges, rays).outside());
-      }
-      const CellProof<N, D> proof(rig, at, centres + cell * D, half_edges, rays);
-      outside = std::max(outside, proof.outside());
-      if (outside < 1 && inside > 0) inside = std::max(0.0, inside - 1 + proof.inside(found.shares != nullptr));
+      CertifiedRig here = rig;
+      here.anchors += rotation * rig.m * D;
+      here.arms += rotation * rig.m * D;
+      here.required += rotation * rig.wrenches * N;
+      const auto [proved, missing] = prove<N, D>(here, centre, half_edges, shares && inside > 0, rays);
+      outside = std::max(outside, missing);
+      inside = std::max(0.0, inside - 1 + proved);
     }
     if (outside >= 1) inside = 0;
     found.verdict[cell] = inside >= 1 ? 1 : outside >= 1 ? -1 : 0;
-    if (found.shares != nullptr) {
+    if (shares) {
       found.shares[2 * cell] = inside;
       found.shares[2 * cell + 1] = outside;
     }

@@ -71,15 +71,16 @@ TENSIONLAB_KERNEL(half_spaces, const Poses&, std::size_t capacity, std::size_t b
                   const HalfSpaceAnswer&)
 
 // A rig, and what is required of it. Anchors and arms (rotations, m, d) in world axes, in m; limits (m); wrenches
-// (rotations, wrenches, n), torques divided by `length`, and all wrenches within `radius` of them. slack: how far
-// the torque of a weight may turn away from the wrenches. closure: wrench closure is required, whatever the
-// limits.
+// (rotations, wrenches, n), torques divided by `length`, and all wrenches within `radius` of them. All turns by up
+// to `angle` count; slack: how far wrenches may change with them. closure: wrench closure is required, whatever
+// the limits.
 struct CertifiedRig {
   int n, d, m, rotations, wrenches;
   const double *anchors, *arms, *lower, *upper, *required;
   double radius, slack, angle, length;
   bool closure;
   const double *radii, *axes;  // of pulleys, (m) and (m, d), or null; a radius of 0 is a fixed anchor
+  bool weight;                 // whether the last is a weight: its anchor is a force, its tension 1
 };
 
 // For each cell 1 inside, -1 outside, 0 undecided; and the shares of it that are proved inside and outside, (size,
