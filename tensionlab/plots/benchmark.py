@@ -149,8 +149,8 @@ def _draw_dots(axes: Axes, named: Sequence[Dot], others: Sequence[Dot]) -> dict[
     x, y = zip(*pareto_front(list(places.values())), strict=True)
     axes.step([x[0], *x, 1e12], [NO_ANSWER_N, *y, y[-1]], where="post", zorder=1, **FRONT_LINE)
     axes.axhline(EXACT_N, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-    axes.annotate("exact below this line", (0, EXACT_N), xycoords=("axes fraction", "data"), xytext=(3, -3),
-                  textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
+    axes.annotate("exact below this line", (1, EXACT_N), xycoords=("axes fraction", "data"), xytext=(-3, -3),
+                  textcoords="offset points", ha="right", va="top", fontsize=8, color=GREY)  # fmt: skip
     axes.set(xscale="log", yscale="log", ylim=(MIN_ERROR_N, 10 * NO_ANSWER_N))
     ticks = 10.0 ** np.arange(-15, 1, 3)
     powers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
