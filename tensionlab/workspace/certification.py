@@ -53,7 +53,8 @@ def certify(
 
     Cells of positions are proved as a whole, or split in two along all axes, down to the resolution. A cell is
     inside if the available wrench set exceeds the required one in all directions normal to its facets, as they
-    turn with the pose; it is outside if it does not in one direction. Of the undecided cells a share is proved as
+    turn with the pose, or, with an angle, if tensions that follow the pose keep their limits; it is outside if the
+    set does not reach the required one in one direction. Of the undecided cells a share is proved as
     well, so that the bounds of the volume converge as the square of the resolution. Rounding is part of every
     bound.
 
