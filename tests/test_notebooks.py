@@ -47,11 +47,11 @@ assert tl.allocate(W, force, (0.0, 6.0)).status == tl.Status.EXACT
     "02_solver_benchmark": """
 solved = table.loc["near-singular"].query("solved_1e9 == 1")
 assert ("newton", "proved") in solved.index and ("daqp", "tight") not in solved.index
-osqp = results.measurements.query("problem_set == 'edge' and label == 'qpsolvers:osqp, default'")
-errors = osqp["error"].dropna()
-assert (errors > 1e-6).mean() > 0.5 and errors.max() < 0.1
+osqp = table.loc["edge", "qpsolvers:osqp", "default"]
+assert osqp["solved_1e6"] < 0.5 and 0.01 < osqp["error_max"] < 2.0
 times = table["median_s"].groupby(level=["solver", "problem_set"]).min().unstack()
-assert 1.3 < (times["edge"] / times["point"])["dykstra"] < 1.7
+longer = times["edge"] / times["point"]
+assert longer["dykstra"] > 1.3 and longer["newton"] < 1.2
 """,
     "03_workspace": """
 published = tl.workspace.Grid(*(swept[axis].to_numpy() for axis in "xyz"))
