@@ -54,17 +54,15 @@ def certify(
     Cells of positions are proved as a whole, or split in two along all axes, down to the resolution. A cell is
     inside if the available wrench set exceeds the required one in all directions normal to its facets, as they
     turn with the pose, or, with an angle, if tensions that follow the pose keep their limits; it is outside if the
-    set does not reach the required one in one direction. Of the undecided cells a share is proved as
-    well, so that the bounds of the volume converge as the square of the resolution. Rounding is part of every
-    bound.
+    set does not reach the required one in one direction. Of the undecided cells a share is proved as well, so that
+    the bounds of the volume converge as the square of the resolution. Rounding is part of every bound.
 
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
     shown in ``tensionlab/native/workspace/certify.cpp``, bounds for orientations in ``cell_columns.hpp`` and
-    ``tension_policy.hpp`` there, and those for pulleys in ``pulley_bend.hpp``. Over
-    pulleys the bounds are further apart, and clearance cannot be proved; a position with an attachment inside its
-    pulley is outside.
+    ``tension_policy.hpp`` there, and those for pulleys in ``pulley_bend.hpp``. Over pulleys the bounds are further
+    apart, and clearance cannot be proved; a position with an attachment inside its pulley is outside.
 
     InputError, ShapeError or RigError if an argument does not suit the rig, or for more cells than fit in memory.
 

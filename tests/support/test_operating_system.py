@@ -105,6 +105,18 @@ def test_a_watchdog_reaches_the_main_thread_on_windows(windows, monkeypatch):
 # Files
 
 
+def test_ctrl_c_comes_when_an_import_has_ended():
+    came = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        with operating_system.holding_interrupts():
+            signal.raise_signal(signal.SIGINT)
+            assert came == []
+        assert came == [signal.SIGINT]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 class Busy:
     """Something that another program keeps from being done for so many tries."""
 
@@ -120,18 +132,6 @@ class Busy:
         if self.tried <= self.tries:
             raise OPEN_ELSEWHERE
         return self.act(*args)
-
-
-def test_ctrl_c_comes_when_an_import_has_ended():
-    came = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        with operating_system.holding_interrupts():
-            signal.raise_signal(signal.SIGINT)
-            assert came == []
-        assert came == [signal.SIGINT]
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def test_a_file_that_another_program_has_open_is_waited_for_on_windows_for_a_while(windows):

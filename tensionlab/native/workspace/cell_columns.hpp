@@ -16,10 +16,9 @@ inline namespace TENSIONLAB_BUILD {
 // t). The column of a cable is w = [u; r x u], with u the unit vector from its attachment to its anchor and r the
 // arm, torques over the characteristic length. It pulls v . w = a . u, with the lever a = v_force + v_torque x r.
 //
-// When the attachment moves by d, and P = 1 - u u', u changes by -P d / L - ((u . d) P d + |P d|² u / 2) / L², up
-// to
-// (|d| / (L - |d|))³ / 2: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3 over |q|²
-// and |q|³, in any direction. In large cells and near anchors that is more than u can change at all; there u
+// When the attachment moves by d, and P = 1 - u u', u changes by -P d / L - ((u . d) P d + |P d|² u / 2) / L²,
+// up to (|d| / (L - |d|))³ / 2: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3 over
+// |q|² and |q|³, in any direction. In large cells and near anchors that is more than u can change at all; there u
 // counts as constant, up to that change, 2 sin(asin(|d| / L) / 2), or as zero, up to 1, if that is less. Over a
 // swivelling pulley (tensionlab/model/pulleys.py) u is affine, with the bound of the remainder that `PulleyBend`
 // has.
