@@ -81,7 +81,6 @@ def allocate(
 
 
 def _tensions(rig: Rig, position: Floats, rotation: str | None, result: Allocation) -> Table:
-    """Return the table of tensions with their limits."""
     rows = []
     for module, tension in zip(rig.modules, result.tensions, strict=True):
         low, high = tension <= module.lower + LIMIT_TOLERANCE_N, tension >= module.upper - LIMIT_TOLERANCE_N
@@ -98,7 +97,6 @@ def _tensions(rig: Rig, position: Floats, rotation: str | None, result: Allocati
 
 
 def _wrenches(rig: Rig, desired: Floats, rendered: Floats, notes: list[str]) -> Table:
-    """Return the table of the desired and the rendered wrench."""
     rows = zip(options.wrench_components(rig), desired, rendered.round(4) + 0.0, desired - rendered, strict=True)
     columns = ["wrench", Column("desired", format=".4f"), Column("rendered", format=".4f"),
                Column("difference", format=format_number)]  # fmt: skip

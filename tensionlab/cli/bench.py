@@ -104,7 +104,6 @@ def submit(
 
 
 def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
-    """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
 
     drawn = []

@@ -84,7 +84,6 @@ def datasets(
 
 
 def _title(kind: str, name: str) -> str:
-    """Return what a data set is, in a line or two."""
     if kind == stored.PROBLEMS:
         return problem_set(name, 1).title
     if kind in TITLES:

@@ -182,7 +182,6 @@ def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Sa
 
 
 def _split(words: list[str] | None, is_parameter: Callable[[str], bool]) -> tuple[list[str], list[str]]:
-    """Return the words about parameters, and the others."""
     found = [word for word in words or () if is_parameter(word)]
     return found, [word for word in words or () if word not in found]
 
@@ -214,8 +213,6 @@ def restore(
 
 
 def _change(links: Mapping[str, str], values: Mapping[str, float], source: str, save: bool) -> None:
-    """Change parameters of all modules, store them if ``save``, and print what changed."""
-
     def change_and_save(client: ModuleClient) -> list[Change]:
         changes = parameter_file.change(client, values, source)
         if save:

@@ -98,7 +98,6 @@ def _open(url: str) -> ModuleClient:
 
 
 def _weigh(client: ModuleClient, mass: float, repeat: int) -> list[Balance]:
-    """Have a mass hung on the cable, and lift it."""
     if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
         client.link.module.mass = mass
     else:
@@ -249,5 +248,4 @@ def _anchors_table(rig: Rig, found: AnchorEstimate, title: str) -> Table:
 
 
 def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:
-    """Reach all modules of a rig, to be closed at the end."""
     return closing(connect(rig, load_modules(modules)))

@@ -125,7 +125,6 @@ def run(
 
 
 def _demand(rig: Rig, force: str | None, program: Path | None, rate: float) -> DemandSource:
-    """Return the source of the desired wrenches."""
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")
     if program is not None:

@@ -135,7 +135,6 @@ def scenario(
 
 
 def _list(json: bool) -> None:
-    """Print the scenarios that come with the package."""
     loaded = [load_scenario(name) for name in SCENARIOS]
     if json:
         output.print_json([output.fields(each, "name", "title", "about", "seconds") for each in loaded])
@@ -191,7 +190,6 @@ def _reach(
 
 
 def _summary(played: ScenarioResult) -> Table:
-    """Return notes on what was played: its latency and answers, and what was late."""
     statistics = played.statistics
     notes = [f"Loop latency {1e3 * loop_delay(played):.0f} ms.", f"Answers: {statistics.explained}."]
     if statistics.missed:

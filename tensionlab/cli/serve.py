@@ -144,7 +144,6 @@ def serve(
 
 
 def _load(name: str | None, scenario: str | None, rate: float | None) -> tuple[Rig, Scenario | None, RunSettings]:
-    """Return the rig, the scenario that is played on it, if any, and the run's settings."""
     if scenario is None and name is None:
         raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")
     if scenario is None:

@@ -127,7 +127,6 @@ def workspace(
 
 
 def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[Rig]) -> Table:
-    """Return a row for each rig and metric; notes say what the metrics and requirements mean."""
     metrics = {name: metric(name) for name in found["metric"].unique()}
     columns = {
         **{name: Column(name) for name in ("rig", "metric", "unit")},
@@ -251,7 +250,6 @@ def certify(
 
 
 def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:
-    """Write of each cell its centre, edges, verdict, and the shares proved inside and outside."""
     with writing.replacing(path) as file:
         np.savez_compressed(
             file, centre=proved.centres, edge=proved.edges, verdict=proved.verdict, share=proved.shares
@@ -259,7 +257,6 @@ def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:
 
 
 def _proof_table(proved: CertifiedWorkspace, duration_s: float) -> Table:
-    """Return how many cells are proved, with the bounds of the workspace's volume."""
     cells, table = proved.subdivision, proved.table()
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
     region = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)

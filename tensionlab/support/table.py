@@ -279,7 +279,6 @@ def _lines(
 
 
 def _html(value: Any, column: Column = Column("")) -> str:
-    """Return a value in HTML."""
     if isinstance(value, Mark):
         look = f"color:{value.colour};text-shadow:0 0 1px #999"  # black has an edge on a dark page, too
         return f'<span style="{look}">{value.shape}</span> {_escape(value.word)}'

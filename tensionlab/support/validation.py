@@ -113,7 +113,6 @@ def explain(error: ValidationError, kind: Any = None, values: object = None) -> 
 
 
 def _explain(problem: ErrorDetails, kind: Any, values: object) -> str:
-    """Return one problem in one line."""
     path, type_of_error = problem["loc"], problem["type"]
     where, known, field = _place(path, values), *_fields_along(path, kind)
     if type_of_error in ("value_error", "assertion_error"):

@@ -101,11 +101,9 @@ class ResultWriter:
         self._failed: list[WriteError] = []
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Print where files are; raise the first error."""
         if kind in (None, typer.Exit) and not self._quiet:
             for line in self._lines:
                 typer.echo(line)

@@ -45,13 +45,11 @@ class BridgeClient:
             self._stack = self._stack.pop_all()
 
     def __enter__(self) -> Self:
-        """Return the client, connected."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the connection; the force fades."""
         self._stack.close()
 
     def send(self, message: BridgeMessage) -> BridgeState:

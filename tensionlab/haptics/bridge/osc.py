@@ -153,14 +153,12 @@ class OscServer:
         self._thread = threading.Thread(target=self._listen, name="OSC", daemon=True)
 
     def __enter__(self) -> Self:
-        """Start to listen."""
         self._thread.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop listening."""
         self._over = True
         self._thread.join()
         self._socket.close()
@@ -186,7 +184,6 @@ class OscServer:
         return True
 
     def _drop(self) -> None:
-        """Pause, and discard the datagrams of that time unread."""
         time.sleep(PAUSE_S)
         self._socket.setblocking(False)
         try:
@@ -198,7 +195,6 @@ class OscServer:
             self._socket.settimeout(POLL_S)
 
     def _take(self, data: bytes, machine: str, now: float) -> None:
-        """Apply a datagram, or report why not."""
         try:
             commander = self._known(machine, now)
             if commander is None:
@@ -230,14 +226,12 @@ class OscServer:
         return None if mine.dismissed and now - latest >= SILENCE_S else mine
 
     def _begin(self, machine: str, now: float) -> Commander:
-        """Give a machine the command."""
         self._commander = self._client.command.take(f"OSC from {machine}", now, lambda reason: None)
         self._machine, self._latest = machine, now
         self._bodies, self._effects, self._tag = {}, {}, None
         return self._commander
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:
-        """Apply the messages of a datagram as one frame."""
         if any(message.address == "/stop" for message in messages):
             self._client.stop(now, commander)
             return
@@ -251,7 +245,6 @@ class OscServer:
 
 
 def _add(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -> None:
-    """Add the body or effect of a message to the tables."""
     _, what, name = message.address.split("/")
     values = message.values
     if what == "body":

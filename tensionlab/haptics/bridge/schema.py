@@ -153,7 +153,6 @@ def _set_defaults(name: str, defaults: Any, definitions: dict[str, Any]) -> None
 
 
 def _add_kind(name: str, kind: type, defaults: Any, definitions: dict[str, Any]) -> None:
-    """Add an effect or a solid by the name of its kind."""
     _set_defaults(kind.__name__, defaults, definitions)
     definition = copy.deepcopy(definitions[kind.__name__])
     definition["properties"] = {"kind": {"const": name}, **definition["properties"]}

@@ -111,7 +111,6 @@ class Bridge:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Start to listen."""
         self._thread.start()
         self._ready.wait(START_TIMEOUT_S)
         if self._failure is not None or not self.url:
@@ -122,7 +121,6 @@ class Bridge:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close all connections."""
         self.close()
         self._thread.join()
 
@@ -197,7 +195,6 @@ class Bridge:
         return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, headers, content)
 
     async def _serve_client(self, connection: ServerConnection) -> None:
-        """Serve a client until it leaves."""
         assert connection.request is not None
         path, name = urlsplit(connection.request.path).path, _name(connection)
         if path == COMMAND_PATH:
@@ -298,7 +295,6 @@ class Bridge:
             self._clients.discard(connection)
 
     def _answer(self, content: str | bytes, connected: CommandConnection) -> BridgeState | Refused:
-        """Take a message, and return the answer."""
         now, began = self._client.clock(), time.thread_time()
         try:
             message = parse_message(parse(content))
@@ -328,6 +324,5 @@ class Bridge:
 
 
 def _name(connection: ServerConnection) -> str:
-    """Return the name of a client, for messages."""
     host, port, *_ = connection.remote_address
     return f"{host}, port {port}"

@@ -128,7 +128,6 @@ def optimality_gap(
 def _problem(
     structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges
 ) -> tuple[Floats, Floats, Floats, Floats, float, float]:
-    """Return the problem as the kernel takes it."""
     return (
         np.ascontiguousarray(structure),
         force,

@@ -77,7 +77,6 @@ def cap_stiffness(effect: T, cap: float, side: Side = "both") -> tuple[T, dict[s
 
 
 def _with_parameter(effect: Any, name: str, value: float) -> Any:
-    """Return an effect with another value of a parameter, also of one of a part."""
     part, _, inner = name.partition(".")
     return replace(effect, **{part: _with_parameter(getattr(effect, part), inner, value) if inner else value})
 

@@ -216,7 +216,6 @@ def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, 
 
 
 def _settle(puller: Puller, tension: float) -> None:
-    """Hold the mass, with damping, until it is at rest."""
     puller.reports.clear()
     telemetry = puller.hold(tension)
     for _ in range(round(REST_TIMEOUT_S / PERIOD_S)):

@@ -115,7 +115,6 @@ def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float, look: Call
 
 
 def _raise(failed: Mapping[str, HardwareError]) -> None:
-    """Raise the error of a module that did not confirm its stop."""
     for error in failed.values():
         raise error
 

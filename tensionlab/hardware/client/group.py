@@ -157,7 +157,6 @@ class ModuleGroup:
         }
 
     def _values(self, parameter: str) -> tuple[float, ...]:
-        """Return a parameter of each module."""
         command = messages.GetParameter(PARAMETERS[parameter].index)
         return tuple(found.value for found in self._all(command, messages.ParameterValue))
 

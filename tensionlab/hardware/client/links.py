@@ -218,7 +218,6 @@ def not_taken(url: str, error: int) -> LinkError:
 
 
 def _connect_tcp(url: str) -> socket.socket:
-    """Connect to host and port; small messages are sent at once."""
     try:
         connected = socket.create_connection(tcp_address(url), CONNECT_TIMEOUT_S)
     except (OSError, UnicodeError) as error:  # UnicodeError: an impossible host name
@@ -230,7 +229,6 @@ def _connect_tcp(url: str) -> socket.socket:
 
 
 def _connect_bluetooth(url: str) -> socket.socket:
-    """Connect to address and channel by Bluetooth Classic (RFCOMM)."""
     match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
     if match is None:
         raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")

@@ -178,12 +178,10 @@ def _address(host: str, look_up: bool) -> str:
 
 
 def _file_name(url: str, *, look_up: bool = True) -> str:
-    """Return the name of a link's lock file."""
     return f"{hashlib.sha256(normalised(url, look_up=look_up).encode()).hexdigest()[:24]}.lock"
 
 
 def _private_folders() -> Iterator[Path]:
-    """Yield the existing folders of locks that are this user's own and closed to others."""
     for folder in user_folders():
         with suppress(OSError):
             if is_private(folder):
@@ -200,7 +198,6 @@ def _make_private(folder: Path) -> Path:
 
 
 def _read(note: Path) -> Holder | None:
-    """Return the process that a note names; None if it cannot be read."""
     with suppress(OSError, ValueError, TypeError):
         return Holder(**json.loads(note.read_text(encoding="utf-8")))
     return None

@@ -121,11 +121,9 @@ class ModuleClient:
             self._reader.start()
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Stop the module after an error, and close the link."""
         if kind is not None:
             with suppress(HardwareError):
                 self.stop()

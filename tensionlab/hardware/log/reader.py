@@ -81,7 +81,6 @@ class Run(CycleTable, LogMetadata):
     effects: dict[str, EffectTable] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """Count the cycles."""
         return len(self.cycle)
 
     @property

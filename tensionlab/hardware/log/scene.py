@@ -80,7 +80,6 @@ class SceneEncoder:
         return in_space(points) @ self._upright.T
 
     def _arrows(self, start: Floats, force: Floats) -> list[Json]:
-        """Return the arrow of a force in N; none if it is zero or not known."""
         strength = float(np.linalg.norm(force))
         if not strength > 0.0:
             return []

@@ -188,7 +188,6 @@ class RunLog:
             self._file.abandon()
 
     def _write_all(self) -> None:
-        """Write what is queued, until the end."""
         due = math.inf  # when what was written must be flushed
         while True:
             try:

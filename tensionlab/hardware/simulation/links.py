@@ -149,7 +149,6 @@ class FaultyLink:
         self.inner.close()
 
     def _deliver(self, now: float) -> None:
-        """Deliver what has arrived at the module's end by now."""
         for content in self._outbound.take(now):
             if content:
                 self.inner.send(content)

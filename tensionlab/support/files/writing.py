@@ -158,7 +158,6 @@ def _neighbour(folder: Path, suffix: str = "") -> Path:
 
 
 def _probe(folder: Path) -> None:
-    """Write some bytes to a folder, and remove them."""
     new = _neighbour(folder)
     try:
         with new.open("xb") as file:
