@@ -8,14 +8,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from tensionlab.haptics.bridge.admission import (
-    COMMAND_PATH,
-    EVENTS_PATH,
-    MAX_CLIENTS,
-    PAGE_PATH,
-    SCHEMA_PATH,
-    STATE_PATH,
-)
 from tensionlab.haptics.bridge.command import (
     BYTES_AT_ONCE,
     BYTES_PER_S,
@@ -42,7 +34,16 @@ from tensionlab.haptics.bridge.schema import (
     message_schema,
     schema_text,
 )
-from tensionlab.haptics.bridge.server import MAX_REFUSED, STATE_PERIOD_S
+from tensionlab.haptics.bridge.server import (
+    COMMAND_PATH,
+    EVENTS_PATH,
+    MAX_CLIENTS,
+    MAX_REFUSED,
+    PAGE_PATH,
+    SCHEMA_PATH,
+    STATE_PATH,
+    STATE_PERIOD_S,
+)
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S
 from tensionlab.haptics.rendering.renderer import FADE_DELAY_S, FADE_S

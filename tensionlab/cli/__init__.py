@@ -83,7 +83,7 @@ PANELS = {
         "scenario": ("scenario", "Play a haptic scenario and judge its forces."),
         "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
         "validate": ("validate", "Repeat the published validation and compare with it."),
-        "characterise": ("characterise", "Measure a rig as a haptic device, and compare it with published ones."),
+        "characterise": ("validate", "Measure a rig as a haptic device, and compare it with published ones."),
     },
     "Data": {
         "log": ("log", "Show, export, draw and play logs of runs."),

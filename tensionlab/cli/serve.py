@@ -15,14 +15,13 @@ from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_
 from tensionlab.cli.common.verbs import option, port_option
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
-from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import LimitedReport
 from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import HAND, Welcome
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.schema import schema_text
-from tensionlab.haptics.bridge.server import Bridge
+from tensionlab.haptics.bridge.server import PAGE_PATH, SCHEMA_PATH, Admission, Bridge
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
 from tensionlab.haptics.rendering.renderer import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from contextlib import ExitStack, suppress
-from types import TracebackType
 from typing import Any, Self
 
 from tensionlab.errors import HardwareError, optional_import
@@ -47,9 +46,7 @@ class BridgeClient:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stack.close()
 
     def send(self, message: BridgeMessage) -> BridgeState:

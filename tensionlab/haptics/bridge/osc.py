@@ -20,7 +20,6 @@ import struct
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from tensionlab.errors import EffectError, ProtocolError, TensionlabError, cannot_listen
@@ -156,9 +155,7 @@ class OscServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over = True
         self._thread.join()
         self._socket.close()

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from types import TracebackType
+from pathlib import Path
 from typing import TYPE_CHECKING, Self
 from urllib.parse import urlsplit
 
@@ -20,7 +20,6 @@ from tensionlab.errors import (
     cannot_listen,
     optional_import,
 )
-from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (
@@ -34,13 +33,35 @@ from tensionlab.haptics.bridge.messages import (
     parse_message,
     refusal_reason,
 )
-from tensionlab.support.access import LOOPBACK
+from tensionlab.support.access import (
+    LOCAL_PAGES,
+    LOOPBACK,
+    Header,
+    knows_token,
+    loaded_by_other_page,
+    names_this_machine,
+)
+from tensionlab.support.files.reading import brief
 from tensionlab.support.operating_system import opened_by_other_user
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
+COMMAND_PATH, EVENTS_PATH, STATE_PATH = "/command", "/events", "/state"
+PAGE_PATH, SCHEMA_PATH = "/", "/schema.json"
+MAX_CLIENTS = 32  # simultaneous connections, to command or to watch
+STATE_PAGE = Path(__file__).with_name("page.html")
+# Headers of documents: they load nothing from elsewhere, and no other page reads or frames them.
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "Connection": "close",
+}
 MAX_CLOSE_BYTES = 120  # length of the reason in a closing frame, which has room for 123
 MIN_WAIT_S = 0.1  # shortest wait for a message
 READ_AHEAD = 16  # messages that are read before their turn
@@ -53,6 +74,48 @@ STATE_PERIOD_S = 0.1  # period of streamed states
 
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # a connection that speaks no WebSocket leaves no traceback
+
+
+@dataclass(frozen=True)
+class Admission:
+    """Rules by which clients are admitted, and the documents for a browser."""
+
+    token: str | None = None  # what a client must know
+    pages: tuple[str, ...] = ()  # origins of web pages, besides those of this machine, that may connect
+    schema: str = ""  # JSON Schema of the messages
+
+    def refuse(self, target: str, values: Header, clients: int) -> tuple[HTTPStatus, str] | None:
+        """Return why a request is refused; None if it is not.
+
+        Without a token, a page must be of this machine and must call it by its own name: another page can neither
+        connect itself nor have its name lead here (DNS rebinding). ``target`` is path and query, ``values``
+        returns the values of a header, ``clients`` is the number of connections.
+        """
+        for origin in values("Origin"):
+            if not LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
+                problem = f"pages of {brief(origin)} may not connect, unless it is given to --page"
+                return HTTPStatus.FORBIDDEN, problem
+        if loaded_by_other_page(values):
+            return HTTPStatus.FORBIDDEN, "other pages may not load this; open it by its address"
+        if self.token is not None:
+            if not knows_token(target, values, self.token):
+                return HTTPStatus.UNAUTHORIZED, "the token is missing or wrong"
+        elif not names_this_machine(values):
+            problem = f"the host {brief(''.join(values('Host')))} is not this machine; connect to 127.0.0.1"
+            return HTTPStatus.FORBIDDEN, f"{problem}, or serve with a token"
+        known = (PAGE_PATH, COMMAND_PATH, EVENTS_PATH, STATE_PATH, SCHEMA_PATH)
+        if (path := urlsplit(target).path) not in known:
+            return HTTPStatus.NOT_FOUND, f"nothing is at {brief(path)}; there are {', '.join(known)}"
+        if clients >= MAX_CLIENTS:
+            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are connected already"
+        return None
+
+    def document(self, target: str) -> tuple[str, bytes] | None:
+        """Return the type and content of the state page or the schema; None for other targets."""
+        path = urlsplit(target).path
+        if path == PAGE_PATH:
+            return "text/html; charset=utf-8", STATE_PAGE.read_bytes()
+        return ("application/schema+json", self.schema.encode()) if path == SCHEMA_PATH else None
 
 
 @dataclass
@@ -118,9 +181,7 @@ class Bridge:
             raise cannot_listen("the bridge", self._host, self._port, self._failure or "no answer")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
         self._thread.join()
 
