@@ -226,8 +226,9 @@ install: .venv/user.stamp
 	@echo "  tensionlab run $(RIG) --force 0.5 0 0 --seconds 3     # modules, simulated in this process"
 	@echo "  tensionlab -h     # all verbs; docs/get-started/index.md is a tour"
 
-# Tests compare the kernels of all instruction sets that this processor has.
+# Tests compare the kernels of all instruction sets that this processor has. What the libraries' modules compile to is
+# left to the first process that imports them: compiling all takes a minute on one core, and few are imported.
 .venv/dev.stamp: .venv/tools.stamp pyproject.toml CMakeLists.txt $(NATIVE)
 	@echo "Compiling the kernels for the instruction sets of this processor (two minutes on two cores), and fetching what the tests need ..."
-	@TENSIONLAB_BUILDS=runnable $(INSTALL) --no-build-isolation -e '.[dev]'
+	@TENSIONLAB_BUILDS=runnable $(INSTALL) --no-compile --no-build-isolation -e '.[dev]'
 	@touch $@ .venv/user.stamp

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -158,7 +159,8 @@ def imported(tree: ast.Module, *, types: bool = False) -> Iterator[str]:
     typing_only = {
         id(inner)
         for node in ast.walk(tree)
-        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name | ast.Attribute)
+        if ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
         for statement in node.body
         for inner in ast.walk(statement)
     }
@@ -186,26 +188,33 @@ def at_import(body: list[ast.stmt]) -> Iterator[str]:
                 yield from at_import(getattr(node, part, []))
 
 
+@functools.cache
+def parsed(name: str) -> ast.Module:
+    return ast.parse((PACKAGE / name).read_text())
+
+
+@functools.cache
 def imports_of(name: str) -> list[str]:
-    return list(imported(ast.parse((PACKAGE / name).read_text())))
+    return list(imported(parsed(name)))
 
 
 def room(name: str) -> str:
     return name.partition("/")[0].removesuffix(".py")
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_rooms(name: str) -> None:
-    allowed = ALLOWED[room(name)] | EVERYBODY | {room(name)}
-    for module in imports_of(name):
-        package, _, rest = module.partition(".")
-        if package == "tensionlab" and rest != "__version__":
-            assert rest.partition(".")[0] in allowed, f"{name} imports {module}"
+@pytest.mark.parametrize("entered", sorted({room(name) for name in NAMES}))
+def test_rooms(entered: str) -> None:
+    allowed = ALLOWED[entered] | EVERYBODY | {entered}
+    for name in (name for name in NAMES if room(name) == entered):
+        for module in imports_of(name):
+            package, _, rest = module.partition(".")
+            if package == "tensionlab" and rest != "__version__":
+                assert rest.partition(".")[0] in allowed, f"{name} imports {module}"
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if room(name) == "model" and name != "model/rig.py"])
-def test_only_a_rig_allocates(name: str) -> None:
-    assert not {module for module in imports_of(name) if module.startswith("tensionlab.allocation")}
+def test_only_a_rig_allocates() -> None:
+    for name in {name for name in NAMES if room(name) == "model"} - {"model/rig.py"}:
+        assert not {module for module in imports_of(name) if module.startswith("tensionlab.allocation")}, name
 
 
 @pytest.mark.parametrize("folder", CLOSED)
@@ -218,9 +227,8 @@ def test_folders_of_a_room(folder: str) -> None:
             assert not module.startswith(closed), f"{name} imports {module}"
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_third_parties_have_one_door(name: str) -> None:
-    for module in imports_of(name):
+def test_third_parties_have_one_door() -> None:
+    for name, module in ((name, module) for name in NAMES for module in imports_of(name)):
         doors = DOORS.get(module.split(".")[0])
         assert doors is None or {name, room(name)} & doors, f"{name} imports {module}"
         if module.startswith("tensionlab._native"):
@@ -242,29 +250,26 @@ def system_parts(tree: ast.Module) -> set[str]:
     return modules | used & SYSTEM_NAMES | asked
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_what_differs_between_systems_is_in_one_file(name: str) -> None:
-    found = system_parts(ast.parse((PACKAGE / name).read_text()))
-    assert not found or name == "support/operating_system.py", f"{name} uses {found}"
+def test_what_differs_between_systems_is_in_one_file() -> None:
+    found = {name: parts for name in NAMES if (parts := system_parts(parsed(name)))}
+    assert found.keys() == {"support/operating_system.py"}, found
 
 
 def test_the_rules_see_what_differs() -> None:
     text = "import tty\nfrom os import nice\nos.name\nhasattr(os, 'nice')\ntime.monotonic()\nselect.poll()\n"
     expected = {"tty", "os.nice", "os.name", "hasattr(os, 'nice')", "time.monotonic", "select.poll"}
     assert system_parts(ast.parse(text)) == expected
-    assert "sys.platform" in system_parts(ast.parse((PACKAGE / "support/operating_system.py").read_text()))
+    assert "sys.platform" in system_parts(parsed("support/operating_system.py"))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
-    body = ast.parse((PACKAGE / name).read_text()).body
-    third = set(at_import(body)) - sys.stdlib_module_names - {"tensionlab"}
-    if (
-        name == "interop/jax_solver.py"
-    ):  # a program of JAX in every line, which a function of interop/jax.py imports
-        third -= {"jax"}
-    assert third <= EAGER, f"{name} imports {third - EAGER}: import it in the function that uses it"
-    assert "jax_solver" not in "".join(ast.unparse(each) for each in body if isinstance(each, ast.ImportFrom))
+def test_no_optional_library_is_imported_before_it_is_used() -> None:
+    for name in NAMES:
+        body = parsed(name).body
+        third = set(at_import(body)) - sys.stdlib_module_names - {"tensionlab"}
+        if name == "interop/jax_solver.py":  # uses JAX in every line; a function of interop/jax.py imports it
+            third -= {"jax"}
+        assert third <= EAGER, f"{name} imports {third - EAGER}: import it in the function that uses it"
+        assert "jax_solver" not in "".join(ast.unparse(each) for each in body if isinstance(each, ast.ImportFrom))
 
 
 def test_one_file_touches_the_inside_of_viser() -> None:
@@ -293,7 +298,7 @@ MODULE_NAME = re.compile(r"tensionlab(\.\w+){2,}")
 def modules_imported(name: str) -> set[str]:
     """Modules of the package that a file imports, wherever in it, for types alone, or by a name in a string."""
     found = set()
-    tree = ast.parse((PACKAGE / name).read_text())
+    tree = parsed(name)
     strings = {str(node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)}
     for module in [*imported(tree, types=True), *filter(MODULE_NAME.fullmatch, strings)]:
         package, *path = module.split(".")

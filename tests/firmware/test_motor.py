@@ -1,9 +1,12 @@
 """The firmware on a simulated gimbal motor: which faults it notices, and that normal use is no fault."""
 
+from itertools import repeat
+
 import numpy as np
 import pytest
 
 from tensionlab.hardware.protocol.codes import Fault, State
+from tensionlab.hardware.simulation.simulated_module import DRIVER_ON
 from tests.helpers.modules import Host
 
 SOON = 0.06  # s: within this, a fault is noticed and the driver is off
@@ -26,15 +29,15 @@ def armed(motor, **parameters) -> Host:
 
 def play(host: Host, tension, seconds: float, path=None) -> float:
     """Repeat a set-point at 50 Hz while the far end follows a path; the time until the driver is off, in s."""
-    begin = host.module.sample.seconds
-    for step in range(round(1e3 * seconds)):
+    begin, count = host.module.seconds, round(1e3 * seconds)
+    places = repeat(None, count) if path is None else path(1e-3 * np.arange(1, count + 1)).tolist()
+    for step, place in enumerate(places):
         if step % 20 == 0 and host.state in (State.ARMED, State.RUNNING):
             host.pull(tension(1e-3 * step) if callable(tension) else tension)
             host.hear()
-        host.module.advance(1e-3, None if path is None else path(1e-3 * (step + 1)))
-        if not host.module.sample.driver_on:
+        if not host.module.samples(1e-3, place)[-1, DRIVER_ON]:
             break
-    return host.module.sample.seconds - begin
+    return host.module.seconds - begin
 
 
 def cut(motor, tension):
@@ -131,7 +134,7 @@ def flick(seconds):
 
 def shake(seconds):
     """0.2 m to and fro, three times a second: faster than the minimum tension can follow."""
-    return 1.0 + 0.1 * np.sin(6.0 * np.pi * seconds) * min(seconds, 1.0)
+    return 1.0 + 0.1 * np.sin(6.0 * np.pi * seconds) * np.minimum(seconds, 1.0)
 
 
 @each_motor
@@ -172,7 +175,7 @@ def test_a_slack_cable_is_taken_up_at_the_speed_limit_without_a_fault(motor):
     host.module.advance(2.5e-4, 0.1)  # 0.9 m of slack
     before, speeds = host.module.sample.length, []
     for _ in range(60):
-        play(host, 0.5, 0.02, lambda _: 0.1)
+        play(host, 0.5, 0.02, lambda seconds: np.full(seconds.shape, 0.1))
         length = host.module.sample.length
         speeds.append((before - length) / 0.02)
         before = length
