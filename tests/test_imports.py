@@ -228,7 +228,7 @@ def test_folders_of_a_room(folder: str) -> None:
 
 
 def test_third_parties_have_one_door() -> None:
-    for name, module in ((name, module) for name in NAMES for module in imports_of(name)):
+    for name, module in ((each, module) for each in NAMES for module in imports_of(each)):
         doors = DOORS.get(module.split(".")[0])
         assert doors is None or {name, room(name)} & doors, f"{name} imports {module}"
         if module.startswith("tensionlab._native"):

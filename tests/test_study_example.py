@@ -105,7 +105,9 @@ def test_it_recovers_a_threshold_through_the_bridge(tmp_path, study):
     assert fit.low <= 10.0 <= fit.high
     felt, desired = ([[float(row[f"{what}_{interval}_n"]) for interval in "12"] for row in rows]
                      for what in ("felt", "desired"))  # fmt: skip
-    assert np.median(np.abs(np.array(felt) / np.array(desired) - 1.0)) < 0.01  # of a busy machine, not every one
+    # A busy machine may be late in an interval, or measure nothing in it, but not in all.
+    assert np.isnan(felt).mean() < 0.1
+    assert np.nanmedian(np.abs(np.array(felt) / np.array(desired) - 1.0)) < 0.01
     for row in rows:
         heavier = 2 if row["first"] == "standard" else 1
         assert (int(row["answer"]) == heavier) == (row["correct"] == "True")
