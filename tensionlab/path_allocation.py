@@ -46,13 +46,6 @@ class PathAllocation:
         First sample that cannot be rendered after those before it; None if all can.
     iterations : int
         Iterations of the method, all its runs together.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
-    >>> tl.allocate_path(tug_of_war, [[0.0], [3.5]], (1.0, 5.0), rate_limits=10.0, dt=0.1)
-    <PathAllocation of 2 samples: sample 1 cannot be rendered after those before it>
     """
 
     tensions: Floats

@@ -69,11 +69,6 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
         From `tensionlab.benchmark.run`, `tensionlab.datasets.load` or `tensionlab.compare`.
     ax
         As in `plot_rig`.
-
-    Examples
-    --------
-    >>> from tensionlab import datasets, plots
-    >>> figure = plots.plot_pareto(datasets.load("benchmarks/results"))
     """
     if isinstance(results, Comparison):
         up = "max error above the smallest of all (N)"

@@ -52,14 +52,6 @@ def plot_comparison(comparison: Comparison) -> Figure:
     ----------
     comparison : Comparison
         From `tensionlab.compare`.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> found = tl.compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
-    >>> figure = plots.plot_comparison(found)
     """
     return _plot_trajectory(comparison) if comparison.along_trajectory else _plot_forces(comparison)
 

@@ -34,15 +34,6 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
     """Draw the score of the layouts that a search found against their number of modules.
 
     The line joins those that none with as many modules or fewer surpasses; ``ax`` is as in `plot_rig`.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4, 5))
-    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
-    >>> found = tl.workspace.search_layout(space, hand, tl.workspace.Objective(), generations=1, starts=1)
-    >>> figure = plots.plot_front(found)
     """
     with one_panel(ax, (6.5, 4.2)) as (figure, axes):
         for layouts, look in ((found.layouts, OFF_FRONT), (found.front, ON_FRONT)):

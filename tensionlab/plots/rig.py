@@ -47,13 +47,6 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
 
     The rig's vertical axis is upright. Body frames are drawn at rest. ``ax`` is a panel of another figure to draw
     into; for a rig in space with the projection "3d".
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> figure = plots.plot_rig(tl.load_rig("seven-modules"))
-    >>> plots.save_figure(figure, "rig.png")
     """
     spatial = rig.dimension == 3
     ends, anchors = (
@@ -179,14 +172,6 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
 
     One wrench is one dot in each row, several are a cloud of dots for each status. ``ax`` is as in `plot_rig`.
     ShapeError if the rig has another number of cables.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> result = tl.allocate(rig.structure_matrix(rig.home), [1.0, 0.5, 1.0], rig.limits)
-    >>> figure = plots.plot_allocation(result, rig)
     """
     if allocation.tensions.shape[-1] != rig.m:
         raise ShapeError(f"the allocation has {allocation.tensions.shape[-1]} cables, and {rig.name} has {rig.m}")

@@ -49,16 +49,7 @@ WRENCH_LOOKS: dict[str, dict[str, Any]] = {
 
 
 def plot_run(run: Run) -> Figure:
-    """Draw a run, from above: force, its error, tensions, status and limiters, times; last, vibrations of effects.
-
-    Examples
-    --------
-    >>> from tensionlab import plots
-    >>> from tensionlab.scenarios import load_scenario
-    >>> from tensionlab.scenarios.play import play, simulate_modules
-    >>> recoil = load_scenario("recoil")
-    >>> figure = plots.plot_run(play(recoil, simulate_modules(recoil), seconds=0.5).run)
-    """
+    """Draw a run, from above: force, its error, tensions, status and limiters, times; last, vibrations of effects."""
     d, m, n = run.rig.dimension, run.rig.m, run.rig.n
     wrenches = {"force (N)": slice(0, d)} | ({"torque (N·m)": slice(d, n)} if n > d else {})
     vibrations = _vibrations(run)

@@ -49,14 +49,6 @@ def plot_scenario(played: ScenarioResult) -> Figure:
     ----------
     played : ScenarioResult
         From `tensionlab.scenarios.play.play`.
-
-    Examples
-    --------
-    >>> from tensionlab import plots
-    >>> from tensionlab.scenarios import load_scenario
-    >>> from tensionlab.scenarios.play import play, simulate_modules
-    >>> recoil = load_scenario("recoil")
-    >>> figure = plots.plot_scenario(play(recoil, simulate_modules(recoil), seconds=0.5))
     """
     run, scenario = played.run, played.scenario
     if not len(run):

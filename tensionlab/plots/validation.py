@@ -32,11 +32,6 @@ def plot_forces(recording: Recording) -> Figure:
     """Draw the desired and the measured forces of a recording of a validation, from the front and from above.
 
     Blue circles are desired forces, red lines go from there to the measured ones. Those on the far side are pale.
-
-    Examples
-    --------
-    >>> from tensionlab import datasets, plots
-    >>> figure = plots.plot_forces(datasets.load("recordings/paper-like-simulated"))
     """
     reach = 1.05 * float(np.abs([recording.desired, recording.measured]).max())
     with new_figure((9.0, 5.2)) as figure:

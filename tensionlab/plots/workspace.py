@@ -57,14 +57,6 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
         From `tensionlab.sweep` over a grid.
     metric : str, optional
         Name of the variable; left out: all.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
-    >>> figure = plots.plot_slices(swept)
     """
     fields = [read_field(swept, name) for name in ([metric] if metric else map(str, swept.data_vars))]
     field, several, count = fields[0], len(fields) > 1, len(fields[0].names)
@@ -207,14 +199,6 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
 
     Parameters and errors as in `plot_slices`, but the metric left out is the first; ``ax`` is a panel of another
     figure. A pose without a value counts as infeasible.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
-    >>> figure = plots.plot_shares(swept, "capacity-margin")
     """
     field = read_field(swept, metric)
     with one_panel(ax, (7.5, 5.0)) as (figure, axes):
@@ -246,14 +230,6 @@ def plot_volume(swept: xarray.Dataset, metric: str | None = None, level: float =
     """Draw, for each rig, the volume in which a metric is above a level, in its unit, of a sweep over x, y and z.
 
     Other parameters and errors as in `plot_shares`.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
-    >>> figure = plots.plot_volume(swept, level=0.5)
     """
     field = read_field(swept, metric)
     columns = min(3, len(field.names))

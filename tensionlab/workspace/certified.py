@@ -150,14 +150,6 @@ class CertifiedWorkspace:
         Number of cells that were examined, each once for all rotations.
     losses : dict
         If losses were proved: the proof without each module, by its name.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("kntu-planar")
-    >>> proved = tl.workspace.certify(rig, [[-1.1, 1.1], [-1.0, 1.0]], tl.Requirement(ball=5.0), 0.1)
-    >>> proved.at([[0.0, 0.0], [1.05, 0.0]])  # inside, outside
-    array([ 1, -1], dtype=int8)
     """
 
     rig: Rig

@@ -108,15 +108,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class LayoutSearch:
-    """Layouts that a search found, one for each number of modules, the fewest first.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> found = [tl.workspace.Layout(tl.load_rig(name), 1.2, 1.2, ()) for name in ("floor-3", "cube-8")]
-    >>> tl.workspace.LayoutSearch(tl.workspace.Objective(), tuple(found)).best.rig.name
-    'floor-3'
-    """
+    """Layouts that a search found, one for each number of modules, the fewest first."""
 
     objective: Objective
     layouts: tuple[Layout, ...]
