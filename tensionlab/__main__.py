@@ -18,9 +18,8 @@ def main() -> None:
     try:
         run()
     finally:
-        signal.signal(
-            signal.SIGINT, signal.SIG_DFL
-        )  # a second one does not wait for threads, nor show where they are
+        # A second one does not wait for threads, nor show where they are.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 if __name__ == "__main__":

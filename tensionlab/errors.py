@@ -89,11 +89,6 @@ def optional_import(extra: str, what: str) -> Iterator[None]:
     """Import optional libraries in this context; one that is missing is a `MissingDependency`.
 
     ``extra`` is the extra of this package that brings them, ``what`` needs them.
-
-    Examples
-    --------
-    >>> with optional_import("workspace", "a store"):
-    ...     import zarr
     """
     try:
         yield

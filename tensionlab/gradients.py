@@ -71,20 +71,6 @@ class AllocationJacobian:
     Sources: Amos and Kolter (2017), "OptNet: differentiable optimization as a layer in neural networks"; Golub and
     Pereyra (1973), "The differentiation of pseudo-inverses and nonlinear least squares problems whose variables
     separate".
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> jacobian = tl.allocation_jacobian(structure, [1.0, 0.5, 1.0], rig.limits)
-    >>> jacobian.kink
-    np.False_
-    >>> change = jacobian.wrench @ [0.1, 0.0, 0.0]
-    >>> (jacobian.allocation.tensions + change).round(3)
-    array([2.39 , 1.801, 0.5  , 2.663])
-    >>> tl.allocate(structure, [1.1, 0.5, 1.0], rig.limits).tensions.round(3)
-    array([2.39 , 1.801, 0.5  , 2.663])
     """
 
     allocation: Allocation

@@ -24,12 +24,8 @@ from tensionlab.workspace import half_spaces
 LOWER, UPPER = 0.5, 6.0  # tension limits of a published module, in N
 STRONG = (0.3, 20.0)  # tension limits of a stronger module, in N
 MAGNITUDE_N = 1.5  # size of the forces of the published validation, in N
-EDGE_SHARE = (
-    1e-5,
-    1e-2,
-)  # how far wrenches are inside the edge of the available set, as a share of the largest ..
-BEYOND_SHARE = (1e-2, 1.0)  # ... infeasible ones beyond it ..
-FAR_SHARE = (9.0, 99.0)  # ... and every tenth of those.
+# How far wrenches are inside the edge of the available set, infeasible ones beyond it, and every tenth of those.
+EDGE_SHARE, BEYOND_SHARE, FAR_SHARE = (1e-5, 1e-2), (1e-2, 1.0), (9.0, 99.0)
 CONDITION = (1e2, 1e7)  # condition of the structure matrices of near-singular rigs
 PATH_SAMPLES = (50, 1000)  # minimum and maximum number of samples of a path
 PATHS = (

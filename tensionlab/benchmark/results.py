@@ -142,10 +142,8 @@ class Results:
         rows = self.rows.drop_duplicates(["label", "problem_set"])  # a solver's own policy is its first
         rows = rows.replace([np.inf, -np.inf], np.nan)
         inside = rows["problem_set"].isin(self.feasible_sets)
-        shares, largest = (
-            ["solved_1e3", "solved_1e6", "solved_1e9"],
-            ["gap_max", "p999_s", "worst_s", "violation_max"],
-        )
+        shares = ["solved_1e3", "solved_1e6", "solved_1e9"]
+        largest = ["gap_max", "p999_s", "worst_s", "violation_max"]
         times = ["batch_s", "own_s", "prebuilt_s", "sgm_s"]
         by_label, feasible = rows.groupby("label", sort=False), rows[inside].groupby("label")
         parts = [

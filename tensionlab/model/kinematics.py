@@ -280,7 +280,9 @@ def solve_pose(
         step = -np.linalg.solve(damped, W @ error[..., None])[..., 0]
         predicted = np.sqrt(np.mean(np.einsum("...nm,...n->...m", W, step) ** 2, axis=-1))
 
-        trial_p, trial_R = p + step[:, :d], None if R is None else _turn(R, step[:, d:])
+        trial_p, trial_R = p + step[:, :d], None
+        if R is not None:
+            trial_R = (planar_rotation(step[:, d]) if d == 2 else exponential(step[:, d:])) @ R
         trial_cost = np.mean(_errors(A, attachments, L, trial_p, trial_R, over)[0] ** 2, axis=-1)
         better = trial_cost < cost
         position[active[better]] = trial_p[better]
@@ -304,9 +306,3 @@ def _errors(
     arms = None if b is None or R is None else rotate(R, b)
     lengths, directions = cables(A, p, arms, over)
     return L - lengths, structure_matrix(directions, arms)
-
-
-def _turn(R: Floats, angle: Floats) -> Floats:
-    """Rotate orientations by small turns in world axes."""
-    turn = exponential(angle) if angle.shape[-1] == 3 else planar_rotation(angle[..., 0])
-    return turn @ R

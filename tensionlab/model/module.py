@@ -190,15 +190,7 @@ class Module(ArrayRecord):
         return f"<Module {self.name}: {anchor}, {format_range(self.lower, self.upper)} N>"
 
     def gain_at(self, frequency: float) -> float:
-        """Return the gain of a vibration in Hz by ``vibration_gain``, interpolated; 1 if that is not known.
-
-        Examples
-        --------
-        >>> import tensionlab as tl
-        >>> rows = [[20.0, 1.2], [50.0, 2.4], [80.0, 0.6]]  # spool and cable resonate at about 50 Hz
-        >>> tl.Module("top", [0.0, 0.0, 1.0], 0.5, 6.0, vibration_gain=rows).gain_at(50.0)
-        2.4
-        """
+        """Return the gain of a vibration in Hz by ``vibration_gain``, interpolated; 1 if that is not known."""
         return 1.0 if self.vibration_gain is None else float(np.interp(frequency, *self.vibration_gain.T))
 
     def check_kind(self, kind: str) -> None:

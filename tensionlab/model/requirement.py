@@ -103,7 +103,8 @@ class Requirement(ArrayRecord):
             raise RigError('keys "box" and "wrenches" are both there; give one of them')
         sizes = {key: array.shape[-1] for key, array in self._arrays().items()}
         if len(set(sizes.values())) > 1:
-            raise RigError(f"{_together(sizes)}; give all the same number")
+            found = " and ".join(f'key "{key}" has {size} components' for key, size in sizes.items())
+            raise RigError(f"{found}; give all the same number")
         if not (np.isfinite(self.ball) and 0 <= self.ball <= MAX_TENSION):
             raise RigError(f'key "ball" is {self.ball}; give a radius in N, 0 or more')
         if self.length is not None and not (np.isfinite(self.length) and 0 < self.length <= MAX_LENGTH):
@@ -212,11 +213,8 @@ class Requirement(ArrayRecord):
         if self.gravity:
             force = float(np.linalg.norm(rig.gravity()[: rig.dimension]))
         if self.acceleration is not None:
-            corners = (
-                self.acceleration * around_ball(rig.dimension)[0]
-                if self.acceleration.ndim == 0
-                else self.acceleration
-            )
+            scalar = self.acceleration.ndim == 0
+            corners = self.acceleration * around_ball(rig.dimension)[0] if scalar else self.acceleration
             force += platform.mass * float(np.linalg.norm(corners[: rig.dimension]))
             if platform.inertia is not None:
                 moment = float(np.linalg.norm(platform.inertia, 2))
@@ -327,7 +325,3 @@ def _wrenches(key: str, values: Any, axes: int) -> Floats:
     if len(array) > MAX_WRENCHES:
         raise RigError(f'key "{key}" has {len(array):,} wrenches; give {MAX_WRENCHES:,} at most')
     return array
-
-
-def _together(sizes: dict[str, int]) -> str:
-    return " and ".join(f'key "{key}" has {size} components' for key, size in sizes.items())

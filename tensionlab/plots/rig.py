@@ -49,10 +49,8 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     into; for a rig in space with the projection "3d".
     """
     spatial = rig.dimension == 3
-    ends, anchors = (
-        rig.home + rig.attachments @ rig.home_matrix.T,
-        place_anchors(rig.modules, rig.anchors, rig.at_rest),
-    )
+    ends = rig.home + rig.attachments @ rig.home_matrix.T
+    anchors = place_anchors(rig.modules, rig.anchors, rig.at_rest)
     outlines = body_outlines(rig)
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([anchors, ends, *outlines])

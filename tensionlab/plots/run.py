@@ -49,7 +49,7 @@ WRENCH_LOOKS: dict[str, dict[str, Any]] = {
 
 
 def plot_run(run: Run) -> Figure:
-    """Draw a run, from above: force, its error, tensions, status and limiters, times; last, vibrations of effects."""
+    """Draw a run: force, its error, tensions, status and limiters, and times; last, vibrations of effects."""
     d, m, n = run.rig.dimension, run.rig.m, run.rig.n
     wrenches = {"force (N)": slice(0, d)} | ({"torque (N·m)": slice(d, n)} if n > d else {})
     vibrations = _vibrations(run)

@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 
     from tensionlab.scenarios.play import ScenarioResult
 
-CURVE_HEIGHT, LAYOUT_HEIGHT = (
-    2.0,
-    5.6,
-)  # least height of a panel of force against distance, and of the layout, in inches
+CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6  # smallest height of a panel of a curve, and of the layout, in inches
 MIN_FORCE_SHARE = 0.1  # an axis is drawn if its force gets to this share of the largest
 KNEE = 1.3  # multiple of the motors' largest tension beyond which forces are drawn on a logarithmic scale
 SETTLING_S = 0.3  # after a phase's begin: forces of modules that start, or of what was before

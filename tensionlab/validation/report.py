@@ -92,13 +92,11 @@ class ValidationResult:
         """Return the published numbers and those of this rig, line by line."""
         rows = []
         for name, row in comparison(self).items():
-            interval, rest = (
-                f" ({row['mean_lower']:.3g} to {row['mean_upper']:.3g})",
-                (row["weighted"], row["maximum"]),
-            )
-            if row["quantity"] == "within":
-                interval, rest = "", (None, None)
-            rows.append([f"{name} ({row['unit']})", row["published"], f"{row['mean']:.3g}{interval}", *rest])
+            mean, rest = f"{row['mean']:.3g}", (None, None)
+            if row["quantity"] != "within":
+                mean += f" ({row['mean_lower']:.3g} to {row['mean_upper']:.3g})"
+                rest = row["weighted"], row["maximum"]
+            rows.append([f"{name} ({row['unit']})", row["published"], mean, *rest])
         columns = ["", Column("published", format=".3g"), Column(self.kind, "95 %"),
                    Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
         return Table(columns, rows, self.title, remarks(self))

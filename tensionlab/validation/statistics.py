@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from tensionlab.errors import ShapeError
 from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
-from tensionlab.model import kinematics
+from tensionlab.model.kinematics import fit_rotation
 from tensionlab.support.arrays import Floats
 from tensionlab.support.provenance import data_frame
 
@@ -36,20 +37,16 @@ def fit_yaw(desired: Floats, measured: Floats) -> Floats:
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def fit_rotation(desired: Floats, measured: Floats) -> Floats:
-    """Return the rotation that fits best: Kabsch 1976, Acta Crystallographica A32; Wahba's problem.
-
-    It leaves no tilt. Parameters and return value as those of `fit_yaw`.
-    """
-    return kinematics.fit_rotation(measured, desired)
-
-
 def rotation_angle(rotation: Floats) -> float:
     """Return the angle of a rotation (3, 3), in degrees."""
     return float(np.degrees(2.0 * np.arcsin(min(np.linalg.norm(rotation - np.eye(3)) / np.sqrt(8.0), 1.0))))
 
 
-ALIGNMENTS = {"paper": fit_yaw, "kabsch": fit_rotation}  # the publication's, and the one that finds tilt as well
+# The publication's, and the one that finds tilt as well.
+ALIGNMENTS: dict[str, Callable[[Floats, Floats], Floats]] = {
+    "paper": fit_yaw,
+    "kabsch": lambda desired, measured: fit_rotation(measured, desired),
+}
 
 
 class Deviations(NamedTuple):

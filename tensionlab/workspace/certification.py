@@ -108,7 +108,15 @@ def certify(
         rig = with_bodies(rig, bodies)
     if not 0.0 <= gap < 1.0:
         raise InputError(f"gap is {gap}; give a share of the region, from 0 to less than 1")
+    if losses not in (0, 1):
+        raise InputError(f"losses is {losses}; give 0, or 1 for the loss of any one cable")
     problem = cell_problem(rig, required, rotations, angle, frames, clearance)
+    if (free := int((problem.lower < problem.upper).sum())) < rig.n + losses:
+        raise InputError(
+            f'rig "{rig.name}" has {rig.n} wrench components and {free} cables whose tension can change'
+            + ", so nothing survives the loss of one" * losses
+            + f"; give it {rig.n + losses} or more"
+        )
     cells = subdivide(region, resolution, rig.dimension)
     if isinstance(required, str):
         words = "wrench closure"
@@ -121,14 +129,14 @@ def certify(
     if not losses:
         return _prove_cells(rig, problem, words, cells, gap, scheduler, progress)
     proofs: dict[str, CertifiedWorkspace] = {}
-    for lost, remaining in _after_losses(rig, problem, losses).items():
-        begun = len(proofs)
+    for number, module in enumerate(rig.modules):
 
-        def report(settled: float, bounds: Bounds, begun: int = begun) -> None:
+        def report(settled: float, bounds: Bounds, number: int = number) -> None:
             if progress is not None:
-                progress((begun + settled) / rig.m, bounds)
+                progress((number + settled) / rig.m, bounds)
 
-        proofs[lost] = _prove_cells(rig, remaining, f"{words}, {lost} lost", cells, gap, scheduler, report)
+        name, left = module.name, problem.without(number)
+        proofs[name] = _prove_cells(rig, left, f"{words}, {name} lost", cells, gap, scheduler, report)
     return intersection(proofs, f"{words}, any one cable lost")
 
 
@@ -174,19 +182,6 @@ def _prove_cells(
         places = cells.children(left)
     level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))
     return CertifiedWorkspace(rig, problem.anchors[0], words, cells, level_of, place, verdict, shares, evaluations)
-
-
-def _after_losses(rig: Rig, problem: CellProblem, losses: int) -> dict[str, CellProblem]:
-    """Return the statement after the loss of each module, by its name; InputError where nothing can survive."""
-    if losses != 1:
-        raise InputError(f"losses is {losses}; give 0, or 1 for the loss of any one cable")
-    free = int((problem.lower < problem.upper).sum())
-    if free <= rig.n:
-        raise InputError(
-            f'rig "{rig.name}" has {rig.n} wrench components and {free} cables whose tension can change, so '
-            f"nothing survives the loss of one; give it {rig.n + 1} or more"
-        )
-    return {module.name: problem.without(lost) for lost, module in enumerate(rig.modules)}
 
 
 class CellTask(NamedTuple):
@@ -364,15 +359,6 @@ def _orientations(rig: Rig, rotations: ArrayLike | None) -> tuple[Floats | None,
     return turns, matrices
 
 
-def _require_free_cables(rig: Rig, free: int) -> None:
-    """Refuse a rig with fewer cables whose tension can change than wrench components."""
-    if free < rig.n:
-        raise InputError(
-            f'rig "{rig.name}" has {rig.n} wrench components and {free} cables whose tension can change; give it '
-            f"{rig.n} or more"
-        )
-
-
 def cell_problem(
     rig: Rig,
     required: Required,
@@ -421,7 +407,6 @@ def cell_problem(
         wrenches = np.broadcast_to(corners, (len(arms), *corners.shape[-2:]))
         radius = wanted.ball
         slack = wanted.turned_torque(rig, angle) / length
-    _require_free_cables(rig, int((lower < upper).sum()))
     anchors, arms, lower, upper, wrenches = (
         np.ascontiguousarray(each) for each in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
     )

@@ -1,8 +1,8 @@
 """The docstrings of the reference: every public name has an example that runs, and says what its arguments are.
 
-The example may be in the docstring of its package, which shows names together that are only used together. A figure
-may be in the gallery, whose cells run when the site is built; a result has the example of the function that returns
-it.
+The example may be in the docstring of its package, which shows names together that are only used together. A
+figure may be in the gallery, whose cells run when the site is built; a result has the example of the function that
+returns it.
 """
 
 from __future__ import annotations

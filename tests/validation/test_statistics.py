@@ -12,14 +12,15 @@ from tensionlab.model.layouts import ring_plus_top
 from tensionlab.validation.error_model import ErrorModel, draw_errors
 from tensionlab.validation.protocol import AXIS_FORCES, Protocol
 from tensionlab.validation.statistics import (
+    ALIGNMENTS,
     deviations,
     estimate_cables,
-    fit_rotation,
     fit_yaw,
     rotation_angle,
     score,
 )
 
+fit_rotation = ALIGNMENTS["kabsch"]
 AXES = 1.5 * np.eye(3)
 DESIRED = 1.5 * grid18()
 RIG = ring_plus_top(1.0)

@@ -50,8 +50,9 @@ def as_targets(target: Targets, dimension: int, *, turns: bool = False) -> tuple
 class Objective:
     """Criterion by which layouts are compared.
 
-    The score is the share of the target that has the desired force and stiffness. Without these, it is the largest
-    force that is feasible everywhere in the target or, if there are walls, their largest stiffness. Forces are in
+    The score is the share of the target that has the desired force and stiffness, of several targets the smallest.
+    Without these, it is the largest force that is feasible everywhere in the targets or, if there are walls, their
+    largest stiffness. Forces are in
     addition to what the space requires, such as a weight. Walls are as stiff as one module renders them, or the
     host: see `tensionlab.model.wall_stiffness`.
 
@@ -63,8 +64,6 @@ class Objective:
         Directions of the force; None for every direction.
     walls : (k, d) array or None
         Directions in which walls push the hand.
-    target_weights : tuple of float or None
-        Weight of each target in the score; None: the worst target counts.
     losses : 0 or 1
         1: all this is desired after the loss of any one cable as well, which then has tension zero.
 
@@ -81,7 +80,6 @@ class Objective:
     directions: ArrayLike | None = None
     stiffness: float | None = None
     walls: ArrayLike | None = None
-    target_weights: tuple[float, ...] | None = None
     losses: int = 0
     shares: Floats | None = field(default=None, repr=False, compare=False)  # (T, P) of each target in its points
     step: str = field(default="", repr=False, compare=False)  # how far apart the points are, in words
@@ -116,8 +114,6 @@ class Objective:
         """Return the objective for the points of targets, those in a face of a grid counting half."""
         from scipy.linalg import block_diag
 
-        if self.target_weights and len(self.target_weights) != len(targets):
-            raise InputError(f"objective: {len(self.target_weights)} weights for {len(targets)} targets")
         shares = [
             reduce(np.multiply.outer, each.weights()).ravel()
             if isinstance(each, Grid)
@@ -172,7 +168,7 @@ class Objective:
         if self.level is None:
             return found
         spare = np.maximum(values.min(axis=-1) / self.level - 1, 0.0)
-        return found + TIE_WEIGHT * np.asarray(spare - self._mean(self.missing(values)))
+        return found + TIE_WEIGHT * np.asarray(spare - self._means(self.missing(values)).mean(axis=-1))
 
     def smooth(self, values: Floats, sharpness: float) -> Floats:
         """Return a continuous approximation (...) of the merit for gradients, from values (..., P).
@@ -185,7 +181,7 @@ class Objective:
         if self.level is None:
             return self._worst(values)
         worst = values.min(axis=-1)
-        lost = self._mean(np.log1p(self.missing(values) / sharpness))
+        lost = self._means(np.log1p(self.missing(values) / sharpness)).mean(axis=-1)
         return np.asarray(np.where(worst < self.level, -lost, worst))
 
     def missing(self, values: Floats) -> Floats:
@@ -193,22 +189,14 @@ class Objective:
         return np.zeros_like(values) if self.level is None else np.maximum(1 - values / self.level, 0.0)
 
     def _worst(self, values: Floats) -> Floats:
-        """Return the least value or, if something is desired, the share that has it, (...), over the targets."""
-        if self.level is not None:
-            return self._mean((values >= self.level).astype(float), worst=True)
-        shares = np.ones((1, values.shape[-1])) if self.shares is None else self.shares
-        return self._combine(np.where(shares > 0, values[..., None, :], np.inf).min(axis=-1), worst=True)
+        """Return the least value (...) or, if a force or stiffness is desired, the smallest share of a target."""
+        if self.level is None:
+            return np.asarray(values.min(axis=-1))
+        return np.asarray(self._means((values >= self.level).astype(float)).min(axis=-1))
 
-    def _mean(self, values: Floats, worst: bool = False) -> Floats:
-        """Return the mean (...) of values (..., P) over the targets, or of the worst unless they have weights."""
-        each = values.mean(axis=-1, keepdims=True) if self.shares is None else values @ self.shares.T
-        return self._combine(each, worst)
-
-    def _combine(self, each: Floats, worst: bool) -> Floats:
-        """Return the mean (...) of a value of each target (..., T) by their weights, or without them the worst."""
-        if self.target_weights is None and worst:
-            return np.asarray(each.min(axis=-1))
-        return np.asarray(np.average(each, axis=-1, weights=self.target_weights))
+    def _means(self, values: Floats) -> Floats:
+        """Return the means (..., T) of values (..., P) over each target."""
+        return values.mean(axis=-1, keepdims=True) if self.shares is None else values @ self.shares.T
 
     def where(self, rig: Rig) -> str:
         """Return in words along which directions forces count, and about which wrenches of a rig."""

@@ -12,7 +12,7 @@ import numpy as np
 from tensionlab.errors import InputError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import Module, TensionLimits
-from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.layout.objective import Objective, Target
 from tensionlab.workspace.layout.obstacles import GAP_M, Obstacles
 from tensionlab.workspace.layout.results import Layout, Nearest
@@ -245,18 +245,13 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
     for the cloud.
     """
     objective, own = problem.objective, len(problem.poses.points)
-    copies = CLOUD_POINTS // own
-    cloud = problem.poses.surround(copies, CLOUD_RADIUS_M, problem.space.length)
-    groups = np.zeros(own, np.int64)
-    if objective.target_weights is not None and objective.shares is not None:
-        groups = (objective.shares > 0).argmax(axis=0)
+    cloud = problem.poses.surround(CLOUD_POINTS // own, CLOUD_RADIUS_M, problem.space.length)
     here = problem.linear(places, cloud)
-    groups = np.tile(groups, (1 + copies) * len(here.values))
     for sharpness in SHARPNESS if objective.level is not None else SHARPNESS[:1]:
         radius = INITIAL_STEP
         for _ in range(MAX_STEPS):
             bounds = np.maximum(-radius, -places.along), np.minimum(radius, 1.0 - places.along)
-            step = _best_step(objective, here, groups, bounds, sharpness)
+            step = _best_step(objective, here, bounds, sharpness)
             ahead = Placement(places.surfaces, np.clip(places.along + step, 0.0, 1.0))
             there = problem.linear(ahead, cloud)
             merits = [objective.smooth(each.values[:, :own].min(axis=0), sharpness) for each in (there, here)]
@@ -270,13 +265,11 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
     return places, here.values[:, :own]
 
 
-def _best_step(
-    objective: Objective, here: Linear, groups: Integers, bounds: tuple[Floats, Floats], sharpness: float
-) -> Floats:
+def _best_step(objective: Objective, here: Linear, bounds: tuple[Floats, Floats], sharpness: float) -> Floats:
     """Return the best step between two bounds, (k, e, d), if all were linear: values + slopes . step.
 
-    It minimises the missing total, while something is missing anywhere; else it maximises the worst value, of each
-    target if they have weights. Cables stay clear of bodies, or come as close to that as they can.
+    It minimises the missing total, while something is missing anywhere; else it maximises the worst value. Cables
+    stay clear of bodies, or come as close to that as they can.
     """
     from scipy.optimize import linprog
 
@@ -287,15 +280,11 @@ def _best_step(
         # unknown: step, missing >= 0; values + slope step + missing >= level
         further, bound = -np.eye(int(rows.sum())), values[rows] - objective.level
         cost, lowest_unknown = 1 / (sharpness + objective.missing(values[rows])), 0.0
-        if objective.target_weights is not None:
-            cost *= np.array(objective.target_weights)[groups[rows]]
     else:
-        highest, weights = values - _least(-slope, low, high), objective.target_weights or (1.0,)
-        worst = np.array([highest[groups == group].min() for group in range(len(weights))])
-        rows = lowest <= worst[groups]  # the others are the worst after no step
-        # unknown: step, worst of each group; values + slope step >= worst
-        further, bound = np.eye(len(weights))[groups[rows]], values[rows]
-        cost, lowest_unknown = -np.array(weights), None
+        rows = lowest <= (values - _least(-slope, low, high)).min()  # the others are the worst after no step
+        # unknown: step, worst; values + slope step >= worst
+        further, bound = np.ones((int(rows.sum()), 1)), values[rows]
+        cost, lowest_unknown = -np.ones(1), None
     matrix = np.hstack([-slope[rows], further])
     limits: list[tuple[float | None, float | None]] = [*zip(low.ravel(), high.ravel(), strict=True)]
     limits += [(lowest_unknown, None)] * further.shape[1]

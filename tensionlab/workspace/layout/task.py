@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, get_args
@@ -78,11 +77,10 @@ class TargetTable(SchemaTable):
     step: float | None = Field(None, description="the distance of neighbouring positions in m, a number")
     rotations: str | None = Field(None, description='orientations of a platform in quotes, as in "cone:10"')
     path: str | None = Field(None, description="a CSV file with columns x, y, z in m, in quotes")
-    weight: PositiveFloat | None = Field(None, description="the weight of the target in the score, above zero")
 
     def poses(self, folder: Path, space: Space) -> Target:
         """Return the poses of the hand; RigError for neither a whole box nor a path, and for too many."""
-        keys = self.model_dump(exclude={"path", "weight"}, exclude_none=True)
+        keys = self.model_dump(exclude={"path"}, exclude_none=True)
         if self.rotations is not None:
             axis = np.eye(space.dimension)[-1] if space.up is None else upward(space.up, space.dimension)
             keys["rotations"] = parse_rotations(self.rotations, space.dimension, axis)
@@ -169,16 +167,16 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
             name=table.name,
             space=space,
             target=tuple(each.poses(Path(path).parent, space) for each in targets),
-            objective=_objective(table, targets, space),
+            objective=_objective(table.objective, space),
             **table.search.model_dump(),
         )
     except (RigError, DataError, ShapeError, InputError) as error:
         raise RigError(f"{path}: {error}") from None
 
 
-def _objective(table: SpaceFile, tables: Sequence[TargetTable], space: Space) -> Objective:
+def _objective(wanted: ObjectiveTable, space: Space) -> Objective:
     """Return the objective, whose directions may be words."""
-    d, wanted = space.dimension, table.objective
+    d = space.dimension
     words = {f"{sign}{axis}": upward(f"{sign}{axis}", d).tolist() for sign in ("", "+", "-") for axis in "xyz"[:d]}
     if space.up is not None:
         words |= {"up": upward(space.up, d).tolist(), "down": (-upward(space.up, d)).tolist()}
@@ -194,11 +192,7 @@ def _objective(table: SpaceFile, tables: Sequence[TargetTable], space: Space) ->
                 )
         return found or None
 
-    weights = tuple(each.weight for each in tables if each.weight is not None)
-    if weights and len(weights) < len(tables):
-        raise RigError('key "weight" is missing in a target; give all targets one, or none')
-    pushed = (wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"))
-    return Objective(*pushed, weights or None, wanted.losses)
+    return Objective(wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"), wanted.losses)
 
 
 def _space(table: SpaceFile) -> Space:

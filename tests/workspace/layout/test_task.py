@@ -166,8 +166,8 @@ room = { size = [4.0, 2.5, 3.0] }
 objective = { force = 1.0, directions = ["up", [0, 0, 2]], stiffness = 300, walls = ["-x", "down"], losses = 1 }
 search = { generations = 1, starts = 1 }
 targets = [
-  { path = "hand.csv", weight = 1 },
-  { x = [-0.1, 0.1], y = [1.0, 1.2], z = [0.4, 0.6], step = 0.1, weight = 3 },
+  { path = "hand.csv" },
+  { x = [-0.1, 0.1], y = [1.0, 1.2], z = [0.4, 0.6], step = 0.1 },
 ]
 """
 
@@ -177,7 +177,7 @@ def test_directions_are_words_or_vectors_and_targets_paths_or_boxes(write, tmp_p
     task = load_task(write(WALLS_AND_PATH))
     assert task.objective.directions == ((0, 1, 0), (0, 0, 1))
     assert task.objective.walls == ((-1, 0, 0), (0, -1, 0))
-    assert (task.objective.target_weights, task.objective.losses) == ((1, 3), 1)
+    assert task.objective.losses == 1
     assert [len(target.arrays()[0]) for target in task.target] == [2, 27]
     assert [body.name for body in task.space.bodies][:3] == ["head", "neck", "torso"]
 
@@ -187,8 +187,7 @@ def test_directions_are_words_or_vectors_and_targets_paths_or_boxes(write, tmp_p
     [
         ('"-x"', '"ahead"', '[objective]: key "walls" has \'ahead\'; give words such as "up"'),
         ("[0, 0, 2]", "[0, 0]", "of 3 numbers"),
-        (", weight = 3", "", 'key "weight" is missing in a target'),
-        ("step = 0.1, ", "", 'key "step" is missing'),
+        (", step = 0.1", "", 'key "step" is missing'),
         ('path = "hand.csv"', 'path = "none.csv"', "none.csv"),
         ("stiffness = 300, ", "", "give walls their stiffness"),
         ("room = { size = [4.0, 2.5, 3.0] }",
