@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import combinations, product
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics, pose
-from tensionlab.model.module import KINDS, MAX_LENGTH, MAX_TENSION, ArrayRecord, Platform
+from tensionlab.model.module import KINDS, MAX_LENGTH, MAX_TENSION, ArrayRecord
 from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
@@ -22,35 +22,13 @@ MAX_WRENCHES = 100_000  # wrenches of a list: each of them is looked at in every
 MAX_ACCELERATION = 1e6  # along an axis, in m/s² or rad/s²
 
 
-class RequiringRig(Protocol):
-    """What a requirement has to know of a `tensionlab.Rig`."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def kind(self) -> str: ...  # noqa: D102
-    @property
-    def platform(self) -> Platform | None: ...  # noqa: D102
-    @property
-    def n(self) -> int: ...  # noqa: D102
-    @property
-    def dimension(self) -> int: ...  # noqa: D102
-    @property
-    def weight(self) -> Floats | None: ...  # noqa: D102
-    @property
-    def characteristic_length(self) -> float: ...  # noqa: D102
-    @property
-    def home_matrix(self) -> Floats: ...  # noqa: D102
-    def gravity(self, rotation: ArrayLike | None = None) -> Floats: ...  # noqa: D102
-
-
 @dataclass(frozen=True, eq=False)
 class Requirement(ArrayRecord):
     """Set of wrenches that the cables must exert on the platform, optionally with its weight.
 
     A single wrench, or a box, a ball or a list of wrenches around it; at the reference point and in world axes, in
     N (and N·m). Since the available wrench set is convex, a set is feasible where its corners are. RigError names
-    the wrong key.
+    the wrong key. Methods take the `Rig`, whose module imports this one.
 
     Attributes
     ----------
@@ -128,7 +106,7 @@ class Requirement(ArrayRecord):
         given = {key: getattr(self, key) for key in ("wrench", "box", "wrenches")}
         return {key: array for key, array in given.items() if array is not None}
 
-    def check_rig(self, rig: RequiringRig) -> None:
+    def check_rig(self, rig: Any) -> None:
         """Refuse wrenches of another size than the rig's, and the weight of a rig without mass or ``up``."""
         for key, array in self._arrays().items():
             if array.shape[-1] != rig.n:
@@ -145,7 +123,7 @@ class Requirement(ArrayRecord):
         if self.acceleration is not None:
             self._check_platform(rig, self.acceleration)
 
-    def _check_platform(self, rig: RequiringRig, acceleration: Floats) -> None:
+    def _check_platform(self, rig: Any, acceleration: Floats) -> None:
         """Refuse accelerations of another size than the rig's, or of a platform whose inertia is not known."""
         d, size = rig.dimension, acceleration.size
         if not KINDS[rig.kind].has_position:
@@ -163,7 +141,7 @@ class Requirement(ArrayRecord):
                 f'[platform] with "{missing}"'
             )
 
-    def middle(self, rig: RequiringRig, rotation: ArrayLike | None = None) -> Floats:
+    def middle(self, rig: Any, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench in the middle of the set, (n,).
 
         (..., n) for rotations (...) of the platform, as in `Rig.structure_matrix`, with which the weight's torque
@@ -171,9 +149,9 @@ class Requirement(ArrayRecord):
         """
         self.check_rig(rig)
         middle = np.zeros(rig.n) if self.wrench is None else self.wrench
-        return middle - rig.gravity(rotation) if self.gravity else middle
+        return np.asarray(middle - rig.gravity(rotation)) if self.gravity else middle
 
-    def at(self, rig: RequiringRig, rotation: ArrayLike | None = None) -> Floats:
+    def at(self, rig: Any, rotation: ArrayLike | None = None) -> Floats:
         """Return the corners of the set, (k, n), or (..., k, n) for rotations as in `middle`.
 
         RigError if they do not suit the rig, or it requires an unknown weight.
@@ -187,7 +165,7 @@ class Requirement(ArrayRecord):
         moving = self._inertial(rig, rotation)
         return np.asarray(found[..., None, :] + moving[..., None, :, :]).reshape(*moving.shape[:-2], -1, rig.n)
 
-    def _inertial(self, rig: RequiringRig, rotation: ArrayLike | None) -> Floats:
+    def _inertial(self, rig: Any, rotation: ArrayLike | None) -> Floats:
         """Return the wrenches (..., k, n) that accelerate the platform, by Newton and Euler for a body at rest."""
         d, platform, given = rig.dimension, rig.platform, self.acceleration
         assert platform is not None
@@ -195,7 +173,7 @@ class Requirement(ArrayRecord):
         corners = given * around_ball(d) if given.ndim == 0 else _corners(given)
         force = platform.mass * corners[:, :d]
         if rig.n == d:
-            return force
+            return np.asarray(force)
         turn = rig.home_matrix if rotation is None else pose.rotations(rotation, d, "rotation")
         com = np.zeros(d) if platform.com is None else platform.com
         arms = np.broadcast_to((turn @ com)[..., None, :], (*turn.shape[:-2], *force.shape))
@@ -205,7 +183,7 @@ class Requirement(ArrayRecord):
             wrench[..., d:] += corners[:, d:] @ np.swapaxes(own, -1, -2)
         return wrench
 
-    def turned_torque(self, rig: RequiringRig, angle: float) -> float:
+    def turned_torque(self, rig: Any, angle: float) -> float:
         """Return the largest change of the torques of `at` when the platform turns by an angle, in N·m."""
         platform, force, torque = rig.platform, 0.0, 0.0
         if platform is None:
@@ -222,15 +200,15 @@ class Requirement(ArrayRecord):
         arm = 0.0 if platform.com is None else float(np.linalg.norm(platform.com))
         return 2 * math.sin(angle / 2) * (force * arm + torque)
 
-    def length_for(self, rig: RequiringRig) -> float:
+    def length_for(self, rig: Any) -> float:
         """Return the length, in m, by which torques are divided."""
-        return rig.characteristic_length if self.length is None else self.length
+        return float(rig.characteristic_length) if self.length is None else self.length
 
-    def divisors(self, rig: RequiringRig) -> Floats:
+    def divisors(self, rig: Any) -> Floats:
         """Return what the components of wrenches are divided by, (n,): forces by 1, torques by the length."""
         return np.repeat([1.0, self.length_for(rig)], [rig.dimension, rig.n - rig.dimension])
 
-    def describe(self, rig: RequiringRig) -> str:
+    def describe(self, rig: Any) -> str:
         """Return in a few words what is required of a rig."""
         unit = KINDS[rig.kind].wrench_unit
         parts = []

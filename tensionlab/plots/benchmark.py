@@ -107,10 +107,13 @@ def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Fi
     with one_panel(ax, SIZE) as (figure, axes):
         points = _draw_dots(axes, named, others)
         axes.set(xlabel=across, ylabel=up, title=_fastest_exact(dots))
-        also: list[Entry] = [("Pareto front", FRONT_LINE)]
-        if others:
-            also.insert(0, ("other solvers", {"color": UNNAMED[0], "marker": UNNAMED[1], "ls": ""}))
-        _add_kind_legend(figure, [dot.kind for dot in named], ax, also)
+        kinds = [LOOKS[kind] for kind in LOOKS if any(dot.kind == kind for dot in named)]
+        kinds += [("other solvers", *UNNAMED)] if others else []
+        looks: list[Entry] = [
+            (name, {"color": colour, "marker": marker, "ls": ""}) for name, colour, marker in kinds
+        ]
+        columns = 1 + len(looks) if len(looks) < COLUMNS else 1 + len(looks) // 2
+        add_legend(figure, columns, [*looks, ("Pareto front", FRONT_LINE)], ax)
         label_points(figure, axes, points)
     return figure if ax is None else None
 
@@ -160,17 +163,6 @@ def _draw_dots(axes: Axes, named: Sequence[Dot], others: Sequence[Dot]) -> dict[
     ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     return points
-
-
-def _add_kind_legend(figure: Any, kinds: Sequence[str], ax: Axes | None, also: Sequence[Entry]) -> None:
-    """Put a legend of the kinds of entries below the panel, or into a panel of another figure."""
-    entries: list[Entry] = [
-        (name, {"color": colour, "marker": marker, "ls": ""})
-        for look, (name, colour, marker) in LOOKS.items()
-        if look in kinds
-    ]
-    count = len(entries) + len(also)
-    add_legend(figure, count if count <= COLUMNS else -(-count // 2), [*entries, *also], ax)
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

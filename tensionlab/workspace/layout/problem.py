@@ -184,18 +184,15 @@ class LayoutProblem(NamedTuple):
                 without = float(objective.score(self.values(cables[others], fewer).min(axis=-2)))
             lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
         worst = self._replace(objective=Objective(losses=objective.losses)).values(cables).min()
+        nearest = None
+        if self.obstacles is not None:
+            distance, margin = self.obstacles.slopes(cables[:, 0])[0], self.obstacles.margin
+            at = np.unravel_index(np.argmin(distance - margin), distance.shape)
+            names = modules[at[0]].name, self.obstacles.names[at[1]]
+            nearest = Nearest(*names, float(distance[at]), float(margin[at[1]]))
         rig = space.rig(name, modules, self.poses.points.mean(axis=0).round(DECIMALS) + 0.0)
         rig = replace(rig, description=f"A layout found by search: it {objective.describe(rig, score)}.")
-        return Layout(rig, score, float(worst), tuple(lost), nearest=self._nearest(cables[:, 0], modules))
-
-    def _nearest(self, anchors: Floats, modules: Sequence[Module]) -> Nearest | None:
-        """Return the module and the body that come closest, relative to its margin."""
-        if self.obstacles is None:
-            return None
-        distance = self.obstacles.slopes(anchors)[0]
-        module, body = divmod(int(np.argmin(distance - self.obstacles.margin)), distance.shape[1])
-        margin = float(self.obstacles.margin[body])
-        return Nearest(modules[module].name, self.obstacles.names[body], float(distance[module, body]), margin)
+        return Layout(rig, score, float(worst), tuple(lost), nearest=nearest)
 
 
 def _route(cables: Floats, poses: TargetPoses) -> tuple[Floats, Floats, Floats | None]:
