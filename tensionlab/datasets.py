@@ -58,6 +58,8 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 def load(name: str, folder: str | Path | None = None) -> Any:
     """Read a data set, one of `names`, from this package or from another folder.
 
+    InputError, DataError or RigError if there is no data set of that name, or its file is damaged.
+
     Parameters
     ----------
     name : str
@@ -71,11 +73,6 @@ def load(name: str, folder: str | Path | None = None) -> Any:
         By folder: ``rigs`` a `tensionlab.Rig`; ``spaces`` a `LayoutTask`; ``vectors`` a (K, 3) array;
         ``published`` and ``what-if`` a DataFrame; ``recordings`` a `Recording`; ``benchmarks`` the `Results`;
         ``tracks`` a `ProblemSet`; ``problems`` one of 1000 problems, drawn with seed 0.
-
-    Raises
-    ------
-    InputError, DataError, RigError
-        If there is no data set of that name, or its file is damaged.
 
     Examples
     --------

@@ -119,28 +119,15 @@ class Impedance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EffectDemand:
-    """What an effect desires in a cycle, and what of it is not rendered.
+    """What an effect desires in a cycle, and what of it is not rendered."""
 
-    Attributes
-    ----------
-    force : (d,) array
-        Desired force on the hand in N, without a vibration.
-    stiffness, damping : float
-        Desired, in N/m and N s/m; 0 of an effect without.
-    frequency, amplitude : float
-        Frequency of ripples that pass or of a vibration, in Hz, and the vibration's amplitude in N.
-    gain : float
-        Amplitude of that vibration on the hand per amplitude of the reported tensions.
-    softened : mapping of str to (float, float)
-        Parameters that are not rendered as desired: their desired and their rendered values.
-    """
-
-    force: Floats
-    stiffness: float = 0.0
-    damping: float = 0.0
-    frequency: float = 0.0
-    amplitude: float = 0.0
-    gain: float = 1.0
+    force: Floats  # on the hand, without a vibration, (d,) in N
+    stiffness: float = 0.0  # in N/m; 0 of an effect without
+    damping: float = 0.0  # in N s/m
+    frequency: float = 0.0  # of ripples that pass or of a vibration, in Hz
+    amplitude: float = 0.0  # of the vibration, in N
+    gain: float = 1.0  # amplitude of the vibration on the hand per amplitude of the reported tensions
+    # Parameters that are not rendered as desired: their desired and their rendered values.
     softened: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -150,13 +137,9 @@ class EffectDemand:
 
 
 class EffectTable(NamedTuple):
-    """Effect over K cycles; NaN while it was not active.
+    """Effect over K cycles, as in `EffectDemand`; NaN while it was not active."""
 
-    ``force`` (K, d), and (K,) ``stiffness``, ``damping``, ``frequency``, ``amplitude``, ``gain`` and ``share`` are
-    those of `EffectDemand`.
-    """
-
-    force: Floats
+    force: Floats  # (K, d), the others (K,)
     stiffness: Floats
     damping: Floats
     frequency: Floats

@@ -49,17 +49,12 @@ class AllocationGradients(NamedTuple):
 
 @dataclass(frozen=True)
 class AllocationJacobian:
-    """Derivatives of the tensions of an allocation with respect to its arguments, each computed when first used.
+    """Derivatives of the tensions of an `allocation` with respect to its arguments, each computed when first used.
 
     While no cable reaches or leaves a limit, the tensions are a smooth function, and these are its derivatives.
     They do not exist at a *kink*: where a cable is just at its limit without a force that holds it there, or the
     free cables do not determine the tensions. The arrays are then computed with every cable at a limit held there:
     a one-sided derivative if a single cable is in doubt, else merely finite.
-
-    Attributes
-    ----------
-    allocation : Allocation
-        Tensions, with the proof of each.
 
     Notes
     -----
@@ -147,16 +142,10 @@ def allocation_jacobian(
     Parameters are the same as those of `allocate`. All its policies are supported, with weights and reference; of
     the solvers only ``"newton"`` is, whose answers show exactly which cables are at a limit.
 
-    Returns
-    -------
-    AllocationJacobian
-
     Raises
     ------
-    InputError
-        If the solver is another one.
-    ShapeError
-        As `allocate`.
+    InputError, ShapeError
+        If the solver is another one, and as `allocate`.
 
     Examples
     --------

@@ -71,6 +71,8 @@ def allocate_path(
 ) -> PathAllocation:
     """Return the tensions along a path that render all wrenches within limits and rates, nearest to a reference.
 
+    ShapeError or InputError if shapes do not fit, or a rate or the time between samples is not above zero.
+
     Parameters
     ----------
     structure : (K, n, m) or (n, m) array
@@ -85,11 +87,6 @@ def allocate_path(
         Time between samples, in s.
     reference : (m,) array, optional
         Tensions to be near to, in N; zero if left out.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If shapes do not fit, or a rate or the time between samples is not above zero.
 
     Notes
     -----

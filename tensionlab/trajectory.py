@@ -174,12 +174,7 @@ def read_trajectory(path: str | PathLike[str]) -> Trajectory:
     wrench that the cables exert in addition to moving the platform, as Fx, Fy, Fz in N and Mx, My, Mz in N·m, in
     the plane Fx, Fy and Mz. A program (.toml) has the arguments of `Trajectory.through`: a list of ``[[points]]``,
     each with ``time_s``, ``position`` and perhaps ``rotation``, axis times angle, in the plane an angle; and
-    ``timing`` and ``step_s``.
-
-    Raises
-    ------
-    DataError
-        Naming the file and what is wrong in it.
+    ``timing`` and ``step_s``. DataError names the file and what is wrong in it.
 
     Examples
     --------
@@ -225,7 +220,7 @@ def _through_points(document: dict[str, Any]) -> Trajectory:
 
 
 def inverse_dynamics(rig: Rig, trajectory: Trajectory, payload: float = 0.0) -> Floats:
-    """Return the wrenches that the cables must exert to move the platform along a trajectory.
+    """Return the wrenches (K, n), in N and N·m, that the cables exert to move the platform along a trajectory.
 
     They are at the reference point and in world axes: what accelerates the platform, by the equations of Newton
     and Euler with its mass, centre of mass and inertia, and the payload; the middle of what the rig requires; and
@@ -238,11 +233,6 @@ def inverse_dynamics(rig: Rig, trajectory: Trajectory, payload: float = 0.0) -> 
     trajectory : Trajectory
     payload : float
         Mass that the platform carries at its reference point, in kg.
-
-    Returns
-    -------
-    (K, n) array
-        In N and N·m.
 
     Raises
     ------

@@ -21,15 +21,11 @@ PathFunction = Callable[[Floats], tuple[Floats, Floats]]  # structure matrices a
 
 
 class Continuity(NamedTuple):
-    """Largest jumps of a tension in N, 0 if there are none, and the largest change where there is none.
+    """Largest jumps of a tension, 0 if there are none, and the largest change where there is none, in N."""
 
-    ``jump`` is of feasible wrenches, ``beyond`` of all, NaN without a policy for infeasible ones; ``step`` is the
-    largest change from one sample to the next, in N, of feasible wrenches between which nothing jumps.
-    """
-
-    jump: float
-    beyond: float
-    step: float
+    jump: float  # of feasible wrenches
+    beyond: float  # of all wrenches; NaN without a policy for infeasible ones
+    step: float  # from one sample to the next, of feasible wrenches between which nothing jumps
 
 
 def path_of(rig: Rig, position: Floats, rotation: Floats | None, wrench: Floats) -> PathFunction:

@@ -26,16 +26,12 @@ SEPARATION_SIZES = (1e1, 1e3, 1e5)
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best tensions (B, m) for B problems, and the wrenches (B, n) that they render.
+    """The best tensions for B problems."""
 
-    ``reachable`` (B,): whether that is the desired one. ``verified`` (B,): whether the status is verified, and the
-    tensions are proved to be the smallest that render their wrench.
-    """
-
-    tensions: Floats
-    wrench: Floats
-    reachable: Flags
-    verified: Flags
+    tensions: Floats  # (B, m)
+    wrench: Floats  # that they render, (B, n)
+    reachable: Flags  # whether that is the desired one, (B,)
+    verified: Flags  # whether that is proved, and that these are the smallest tensions that render it, (B,)
 
 
 def optimum(problem: Problem) -> Optimum:

@@ -60,12 +60,8 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
         A Parquet file with the columns A, b, lb and ub, and perhaps P, q, G, h, name and group, matrices row by
         row in one list; or a folder.
     count : int, optional
-        Read an even selection of about this many; all if left out.
-
-    Raises
-    ------
-    DataError
-        If there are no programs, none is a problem of tension allocation, or one is damaged; says which and why.
+        Read an even selection of about this many; all if left out. DataError if there are no programs, none is a
+        problem of tension allocation, or one is damaged; says which and why.
 
     Examples
     --------

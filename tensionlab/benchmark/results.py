@@ -204,17 +204,9 @@ def _write(place: Path, results: Results) -> None:
 
 
 def read(path: str | Path) -> Results:
-    """Read the results of a benchmark.
+    """Read the results of a benchmark; DataError if there are none.
 
-    Parameters
-    ----------
-    path : path
-        The folder of a run, or its file `FILE`, without the measurements of each problem.
-
-    Raises
-    ------
-    DataError
-        If it holds none.
+    The path is the folder of a run, or its file `FILE`, without the measurements of each problem.
 
     Examples
     --------

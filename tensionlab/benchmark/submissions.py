@@ -85,10 +85,7 @@ def read_submissions(folder: str | PathLike[str]) -> pandas.DataFrame:
     tensions are the optimum's, too; ``violation_max`` of a limit, in N; ``jump`` and ``step``, the largest change
     of a tension, in N, between nearly equal problems and between others; and ``median_s`` of the times.
 
-    Raises
-    ------
-    DataError
-        If there is none, or one is damaged or does not fit its tracks; says which file, array and entry.
+    DataError names file, array and entry if one is damaged or does not fit its tracks, or if there is none.
     """
     place = as_path(folder)
     paths = [place] if (place / ABOUT_FILE).exists() else [path.parent for path in place.glob(f"*/{ABOUT_FILE}")]

@@ -106,13 +106,10 @@ class Body(ArrayRecord):
 
 
 class PlacedBody(NamedTuple):
-    """Body in the world: ends of its segment (..., 2, d), equal but for a capsule, and axes (..., d, d) of a box.
+    """Body in the world."""
 
-    The columns of the axes are those of the frame; they are None for spheres and capsules.
-    """
-
-    ends: Floats
-    axes: Floats | None
+    ends: Floats  # of its segment, (..., 2, d), equal but for a capsule
+    axes: Floats | None  # columns are the axes of a box, (..., d, d); None for spheres and capsules
 
 
 def place_bodies(
@@ -141,16 +138,12 @@ def place_bodies(
 
 
 class Segments(NamedTuple):
-    """Cables, and bodies after them, as the native kernel of distances takes them, at B poses.
+    """Cables, and bodies after them, as the native kernel of distances takes them, at B poses."""
 
-    Ends (B, S, 2, 3) of all; pairs (k, 2) of a cable and a body, the cable first and its bodies in a row; axes
-    (B, S, 3, 3) and half edges (S, 3) of boxes, None if there is no box.
-    """
-
-    ends: Floats
-    pairs: Integers
-    axes: Floats | None
-    halves: Floats | None
+    ends: Floats  # of all, (B, S, 2, 3)
+    pairs: Integers  # of a cable and a body, (k, 2), those of a cable in a row
+    axes: Floats | None  # of boxes, (B, S, 3, 3); None if there is none
+    halves: Floats | None  # of the edges of boxes, (S, 3)
 
 
 def as_segments(

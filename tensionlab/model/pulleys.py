@@ -30,13 +30,10 @@ ROUNDING_RAD = 1e-6  # an arc that is negative by more than that has gone round 
 
 
 class Pulleys(NamedTuple):
-    """Pulleys of the modules of a rig: ``radii`` (m,) in m, 0 for none, and ``axes`` (..., m, d).
+    """Pulleys of the modules of a rig."""
 
-    An axis is a unit vector along the cable that comes to the pulley, in world axes; zeros where there is none.
-    """
-
-    radii: Floats
-    axes: Floats
+    radii: Floats  # (m,) in m; 0 for none
+    axes: Floats  # unit vectors along the cables that come to the pulleys, in world axes, (..., m, d); or zeros
 
     def rows(self, part: NDArray[np.int64]) -> Pulleys:
         """Return those of some poses, where they differ from pose to pose."""
@@ -54,8 +51,7 @@ class CableGeometry(NamedTuple):
 class _Plane(NamedTuple):
     """Where attachments are in the planes of their pulleys, and where their cables leave."""
 
-    outward: Floats
-    """Unit vectors (..., m, d) from the axis to the attachment."""
+    outward: Floats  # unit vectors (..., m, d) from the axis to the attachment
     across: Floats
     straight: Floats
     sine: Floats

@@ -40,17 +40,12 @@ if TYPE_CHECKING:
 
 
 class Cables(NamedTuple):
-    """Cables of a rig at a pose: lengths (..., m), in m, directions and arms (..., m, d), in world axes.
+    """Cables of a rig at a pose, in world axes and m."""
 
-    Directions are unit vectors from the attachment along the cable; arms lead from the reference point to the
-    attachments, in m, and are None for a point. ``straight``, (..., m), is the length without what lies on a
-    pulley.
-    """
-
-    lengths: Floats
-    directions: Floats
-    arms: Floats | None
-    straight: Floats
+    lengths: Floats  # (..., m)
+    directions: Floats  # unit vectors from the attachments along the cables, (..., m, d)
+    arms: Floats | None  # from the reference point to the attachments, (..., m, d); None for a point
+    straight: Floats  # lengths without what lies on a pulley, (..., m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,11 +225,8 @@ class Rig(ArrayRecord):
     def gravity(self, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench of gravity on the platform, (..., n), in N and N·m.
 
-        Parameters
-        ----------
-        rotation : array or None
-            As in `structure_matrix`: the centre of mass turns with the platform. RigError if the mass or ``up``
-            is unknown.
+        The rotation is as in `structure_matrix`: the centre of mass turns with the platform. RigError if the mass
+        or ``up`` is unknown.
         """
         if self.platform is None:
             raise RigError(f'rig "{self.name}": [platform] is missing; give its mass')

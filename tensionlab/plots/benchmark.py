@@ -63,12 +63,8 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
     all solvers its error is for the same force, at most. Of many solvers only newton, five well-known rivals and
     your own have names and colours. The title says who answers exactly in the shortest time.
 
-    Parameters
-    ----------
-    results : Results or Comparison
-        From `tensionlab.benchmark.run`, `tensionlab.datasets.load` or `tensionlab.compare`.
-    ax
-        As in `plot_rig`.
+    The results are those of `tensionlab.benchmark.run`, `tensionlab.datasets.load` or `tensionlab.compare`, ``ax``
+    is as in `plot_rig`.
     """
     if isinstance(results, Comparison):
         up = "max error above the smallest of all (N)"
@@ -194,12 +190,7 @@ def plot_profile(results: Results) -> Figure:
     """Draw the share of the problems that each entry solves within a multiple of the fastest time.
 
     Dolan and Moré's performance profile, over all feasible sets, of answers to 1e-6 N. Names and colours are as in
-    `plot_pareto`.
-
-    Parameters
-    ----------
-    results : Results
-        With measurements of each problem: of a run, not the committed ones.
+    `plot_pareto`. The results need measurements of each problem: those of a run, not the committed ones.
 
     Examples
     --------

@@ -38,7 +38,7 @@ MIN_ERROR_N = 1e-12  # errors below are drawn here: rounding, not a difference b
 
 
 def plot_comparison(comparison: Comparison) -> Figure:
-    """Draw how accurate, how fast and, along a trajectory, how smooth each solver is.
+    """Draw how accurate, how fast and, along a trajectory, how smooth each solver of a comparison is.
 
     Of forces at one position, above: desired forces (blue circles) and the error of what the first row's solver
     rendered (red lines), between the directions of the cables. Below, a line per solver: statuses, largest error,
@@ -47,11 +47,6 @@ def plot_comparison(comparison: Comparison) -> Figure:
     Along a trajectory, above: the tension of each module, a panel for each of the first `MAX_DRAWN_SOLVERS`
     solvers with its own policy; grey where the wrench is infeasible. Below: the error of each solver, and the
     largest step of its tensions from one sample to the next.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        From `tensionlab.compare`.
     """
     return _plot_trajectory(comparison) if comparison.along_trajectory else _plot_forces(comparison)
 

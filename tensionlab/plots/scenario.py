@@ -36,16 +36,11 @@ THIN: dict[str, Any] = {"linewidth": 1.2}
 
 
 def plot_scenario(played: ScenarioResult) -> Figure:
-    """Draw a scenario that was played.
+    """Draw a scenario that was ``played``, by `tensionlab.scenarios.play.play`.
 
     On the left its layout, at the moment of the largest force, and force against distance where that makes sense.
     On the right, over time: its phases, the desired and the rendered force, and the tension of each module, with
     its brake and module-local effects. `InputError` if nothing was played.
-
-    Parameters
-    ----------
-    played : ScenarioResult
-        From `tensionlab.scenarios.play.play`.
     """
     run, scenario = played.run, played.scenario
     if not len(run):

@@ -55,18 +55,16 @@ RATE_SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.36, 0.4, 0.44, 0.48])  # fr
 
 @dataclass(frozen=True, eq=False)
 class CharacterisationPlan:
-    """Rig and sizes: forces held, steps and vibrations in N, distance of positions from home in m, time held in s.
-
-    The conditions of the links, hardware parameters (as in `PLANT`) and the seed are those of a simulated rig.
-    """
+    """Rig, and sizes of what is measured."""
 
     rig: Rig
-    rate: float = 50.0
-    force: float = 1.5
-    step: float = 0.5
-    amplitude: float = 0.3
-    reach: float = 0.1
-    hold: float = 0.6
+    rate: float = 50.0  # of the host, in Hz
+    force: float = 1.5  # that is held, in N
+    step: float = 0.5  # in N
+    amplitude: float = 0.3  # of vibrations, in N
+    reach: float = 0.1  # distance of positions from home, in m
+    hold: float = 0.6  # in s
+    # Of a simulated rig: the links, hardware parameters as in `PLANT`, and the seed.
     conditions: Conditions = field(default_factory=Conditions)
     plant: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
@@ -80,23 +78,19 @@ Bench = Callable[[HandRequest], tuple[ModuleGroup, Clock, ForceSensor]]
 
 @dataclass(frozen=True, eq=False)
 class Characterisation:
-    """What was measured; by axis, "x", "y" and "z", where it is not of the whole rig.
-
-    ``round_trips`` are those of pings and ``delays`` from a set-point to its report, in s. ``vibrations`` are by
-    module; ``backdrive_along`` has friction, damping and inertia; ``walls`` are by damping, along ``wall_axis``.
-    """
+    """What was measured; by axis, "x", "y" and "z", where it is not of the whole rig."""
 
     plan: CharacterisationPlan
     simulated: bool
-    round_trips: Floats
-    delays: Floats
+    round_trips: Floats  # of pings, in s
+    delays: Floats  # from a set-point to its report, in s
     static: list[StaticForce]
     steps: Steps
     responses: Responses
-    vibrations: Responses
+    vibrations: Responses  # by module
     backdrive: BackdriveImpedance
-    backdrive_along: dict[str, tuple[float, float, float]]
-    walls: dict[float, list[WallTrial]]
+    backdrive_along: dict[str, tuple[float, float, float]]  # friction, damping and inertia
+    walls: dict[float, list[WallTrial]]  # by damping, along `wall_axis`
     wall_axis: str
 
     @property

@@ -33,11 +33,7 @@ Row = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 
 
 class RecordingEntries(BaseModel):
-    """Entries under ``recording`` in a recording's manifest; there may be others.
-
-    The rotations lead from the sensor's axes to the rig's, by the method of alignment, of which ``alignment`` was
-    applied. The rate is the sensor's, in Hz; each force was held for ``hold`` s.
-    """
+    """Entries under ``recording`` in a recording's manifest; there may be others."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
@@ -46,10 +42,10 @@ class RecordingEntries(BaseModel):
     modules: list[str]
     solver: str
     sensor: str
-    alignment: str
-    rotations: dict[str, Annotated[list[Row], Field(min_length=3, max_length=3)]]
-    rate: FiniteFloat
-    hold: FiniteFloat
+    alignment: str  # method that was applied
+    rotations: dict[str, Annotated[list[Row], Field(min_length=3, max_length=3)]]  # of each method, sensor to rig
+    rate: FiniteFloat  # of the sensor, in Hz
+    hold: FiniteFloat  # time for which each force was held, in s
 
     @model_validator(mode="after")
     def _applied(self) -> Self:

@@ -63,18 +63,13 @@ def find_preset(name: str) -> ErrorModel:
 
 @dataclass(frozen=True, eq=False)
 class RigErrors:
-    """Errors of one rig.
+    """Errors of one rig; play and noise as in `ErrorModel`."""
 
-    True tensions per commanded ones (m,) and biases (m,) in N; true less nominal anchors (m, 3) and position of
-    the sensor (3,) in m; the rotation (3, 3) from world axes into those that the sensor takes for them; play and
-    noise as in `ErrorModel`.
-    """
-
-    gains: Floats
-    biases: Floats
-    anchors: Floats
-    position: Floats
-    tilt: Floats
+    gains: Floats  # true tensions per commanded ones, (m,)
+    biases: Floats  # (m,) in N
+    anchors: Floats  # true less nominal, (m, 3) in m
+    position: Floats  # of the sensor, true less nominal, (3,) in m
+    tilt: Floats  # rotation (3, 3) from world axes into those that the sensor takes for them
     play: float = 0.0
     noise: float = 0.0
 

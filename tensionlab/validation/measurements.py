@@ -40,11 +40,11 @@ RESOLUTION, MAX_TRIALS = 1.05, 12  # ratio of the stiffnesses between which the 
 
 
 class Samples(NamedTuple):
-    """Part of a run: forces (K, 3) of the sensor in N, in the rig's axes, at times (K,) in s; states of cycles."""
+    """Part of a run."""
 
-    times: Floats
-    forces: Floats
-    states: list[RigState]
+    times: Floats  # (K,) in s
+    forces: Floats  # of the sensor, (K, 3) in N, in the rig's axes
+    states: list[RigState]  # of the cycles
 
     def settled(self) -> Samples:
         """Return the samples without those just after the beginning."""
@@ -53,19 +53,15 @@ class Samples(NamedTuple):
 
 
 class Reports(NamedTuple):
-    """Reports of the modules, K of them, and the sensor's forces at the same times.
+    """Reports of the modules, K of them, and the sensor's forces at the same times, in SI units."""
 
-    Times (K,) in s, positions and velocities (K, 3), structure matrices (K, 3, m), tensions and speeds of paying
-    out (K, m), and forces (K, 3), averaged over `AVERAGE_S`; SI units.
-    """
-
-    times: Floats
-    positions: Floats
-    velocities: Floats
-    structures: Floats
-    tensions: Floats
-    speeds: Floats
-    forces: Floats
+    times: Floats  # (K,)
+    positions: Floats  # (K, 3)
+    velocities: Floats  # (K, 3)
+    structures: Floats  # structure matrices (K, 3, m)
+    tensions: Floats  # (K, m)
+    speeds: Floats  # of paying out, (K, m)
+    forces: Floats  # (K, 3), averaged over `AVERAGE_S`
 
 
 class Recorder:
@@ -264,15 +260,12 @@ def step_response(recorder: Recorder, axis: Floats, size: float) -> Measuring[St
 
 @dataclass(frozen=True)
 class BackdriveImpedance:
-    """What each cable adds to a motion: friction in N, damping in N s/m, mass in kg; the same for all cables.
+    """What each cable adds to a motion, the same for all cables."""
 
-    ``tension`` is the lowest tension, in N.
-    """
-
-    friction: float
-    damping: float
-    mass: float
-    tension: float
+    friction: float  # in N
+    damping: float  # in N s/m
+    mass: float  # in kg
+    tension: float  # the lowest, in N
 
     def along(self, structure: Floats, axis: Floats) -> tuple[float, float, float]:
         """Return friction, damping and mass that a hand feels along an axis, given the structure matrix (3, m)."""
@@ -299,16 +292,13 @@ def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[Backd
 
 @dataclass(frozen=True)
 class WallTrial:
-    """Spring of a stiffness in N/m and a damping in N s/m that a hand was pushed against.
+    """Spring and damper that a hand was pushed against, and how it swung."""
 
-    ``growth`` is the rate at which the swing grows, in 1/s; ``added_damping`` in N s/m is what the rig adds to the
-    hand in addition to the spring, by the energy that a passivity observer counts: below zero, the spring gives
-    energy.
-    """
-
-    stiffness: float
-    damping: float
-    growth: float
+    stiffness: float  # in N/m
+    damping: float  # in N s/m
+    growth: float  # rate at which the swing grows, in 1/s
+    # What the rig adds to the hand in addition to the spring, in N s/m, by the energy that a passivity observer
+    # counts: below zero, the spring gives energy.
     added_damping: float
 
     @property

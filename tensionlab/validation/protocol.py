@@ -76,28 +76,21 @@ class Protocol:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Measurement of one force, ``number`` being its row of `Protocol.forces`.
-
-    In N: the desired force, that of the commanded tensions by the nominal rig, the sensor's average in its own
-    axes less its zero, and the tensions. The status, a name of `Status`, is that of the solver's answer; with
-    ``fallback_used`` it was unproven, so that the exact solver's was sent. ``spread`` is the samples' standard
-    deviation in N along the axis where it is largest, ``rested`` the time in s for which modules cooled before.
-    ``limited_modules`` were at a limit of their own.
-    """
+    """Measurement of one force, in N."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    number: int
+    number: int  # row of `Protocol.forces`
     desired: tuple[float, ...]
-    rendered: tuple[float, ...]
-    measured: tuple[float, ...]
-    tensions: tuple[float, ...]
-    status: str
-    fallback_used: bool
+    rendered: tuple[float, ...]  # of the commanded tensions, by the nominal rig
+    measured: tuple[float, ...]  # the sensor's average in its own axes, less its zero
+    tensions: tuple[float, ...]  # as commanded
+    status: str  # name of the `Status` of the solver's answer
+    fallback_used: bool  # whether that was unproven, so that the exact solver's was sent
     samples: int
-    spread: float
-    rested: float
-    limited_modules: tuple[str, ...]
+    spread: float  # standard deviation of the samples along the axis where it is largest
+    rested: float  # time for which modules cooled before, in s
+    limited_modules: tuple[str, ...]  # at a limit of their own
 
 
 class ForceSequence:
@@ -221,17 +214,13 @@ def _average(samples: Floats, when: str) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ValidationPlan:
-    """Nominal rig, solver and protocol of a validation.
-
-    The preset, a key of `PRESETS`, has the errors of the simulated rig; None for real modules, or those of another
-    process. The seed is that of the errors and of the noise.
-    """
+    """Nominal rig, solver and protocol of a validation."""
 
     rig: Rig
     solver: str
     protocol: Protocol
-    preset: str | None = None
-    seed: int = 0
+    preset: str | None = None  # errors of the simulated rig; None for real modules, or those of another process
+    seed: int = 0  # of the errors and of the noise
 
     def setup(self, *, simulated: bool) -> dict[str, Any]:
         """Return what must be the same in all sessions; ``simulated`` tells whether the sensor is."""

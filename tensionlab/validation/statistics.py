@@ -50,17 +50,12 @@ ALIGNMENTS: dict[str, Callable[[Floats, Floats], Floats]] = {
 
 
 class Deviations(NamedTuple):
-    """Deviations of K measured forces.
+    """Deviations of K measured forces, (K,) each, in N but for the angle."""
 
-    The angle between measured and desired force, in degrees (NaN for a measured force of zero); and, in N, the
-    magnitude of the measured force, its absolute difference to that of the desired force, and the length of the
-    error vector.
-    """
-
-    angle: Floats
-    magnitude: Floats
-    magnitude_error: Floats
-    vector: Floats
+    angle: Floats  # between measured and desired force, in degrees; NaN for a measured force of zero
+    magnitude: Floats  # of the measured force
+    magnitude_error: Floats  # its absolute difference to that of the desired force
+    vector: Floats  # length of the error vector
 
 
 def deviations(desired: Floats, measured: Floats) -> Deviations:

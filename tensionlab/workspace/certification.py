@@ -199,23 +199,20 @@ class CellTask(NamedTuple):
 
 
 class Verdicts(NamedTuple):
-    """Verdicts about cells, 1 inside, -1 outside, 0 neither, and the proved shares (k, 2) inside and outside."""
+    """Verdicts about cells."""
 
-    verdict: NDArray[np.int8]
-    shares: Floats
+    verdict: NDArray[np.int8]  # 1 inside, -1 outside, 0 neither, (k,)
+    shares: Floats  # proved inside and outside, (k, 2)
 
 
 class ClearanceProblem(NamedTuple):
-    """Distance that pairs of cables (b, 2) must keep, in m, and bodies, of which cables must keep the margins.
+    """Distances that cables must keep from each other and from bodies."""
 
-    Rotations (k, d, d) of the platform, and poses of the frames of bodies.
-    """
-
-    clearance: float
-    pairs: Integers
-    bodies: tuple[Body, ...]
-    rotations: Floats
-    frames: Frames
+    clearance: float  # between the pairs, in m
+    pairs: Integers  # of cables, (b, 2)
+    bodies: tuple[Body, ...]  # of which cables must keep the margins
+    rotations: Floats  # of the platform, (k, d, d)
+    frames: Frames  # poses of the frames of bodies
 
     def decide(
         self, anchors: Floats, arms: Floats, angle: float, centres: Floats, half_edges: Floats
@@ -269,28 +266,21 @@ def clearance_problem(
 
 
 class CellProblem(NamedTuple):
-    """Rig at some rotations (k), all of which count, and what is required of it.
+    """Rig at some rotations (k), all of which count, and what is required of it."""
 
-    Anchors and arms (k, m, d) are in world axes, in m; limits (m,) in N; wrenches (k, w, n), whose torques are
-    divided by the length, and all within the radius of them. All rotations within the angle, in rad, of each count
-    as well, and change the wrenches by up to the slack; a weight (d,), in N, with its arms (k, d) is held, too.
-    With ``closure``, wrench closure is required in place of the wrenches; radii (m,) and axes (m, d) are those of
-    pulleys, if there are any; with ``clearance``, cables must keep a distance as well.
-    """
-
-    anchors: Floats
-    arms: Floats
-    lower: Floats
+    anchors: Floats  # in world axes, (k, m, d) in m
+    arms: Floats  # (k, m, d)
+    lower: Floats  # limits in N, (m,)
     upper: Floats
-    wrenches: Floats
-    radius: float
-    slack: float
-    angle: float
+    wrenches: Floats  # that are required, torques divided by the length, (k, w, n)
+    radius: float  # all wrenches within it of those are required as well
+    slack: float  # by which wrenches change with the rotations within the angle
+    angle: float  # all rotations within it of each count as well, in rad
     length: float
-    closure: bool
-    radii: Floats | None = None
-    axes: Floats | None = None
-    weight: tuple[Floats, Floats] | None = None
+    closure: bool  # wrench closure is required in place of the wrenches
+    radii: Floats | None = None  # of pulleys, (m,)
+    axes: Floats | None = None  # of pulleys, (m, d)
+    weight: tuple[Floats, Floats] | None = None  # that is held as well, (d,) in N, and its arms (k, d)
     clearance: ClearanceProblem | None = None
 
     def without(self, lost: int) -> CellProblem:

@@ -19,14 +19,10 @@ from tensionlab.support.arrays import Floats, Integers
 
 
 class Clearance(NamedTuple):
-    """Minimum distance (...), in m, and the pair (..., 2) that has it.
+    """Minimum distance, and the pair that has it."""
 
-    Below zero where a cable enters a body, infinite where there is no pair to measure. The pair are indices of two
-    modules, or of a module and a body; -1 where there is none.
-    """
-
-    distance: Floats
-    pair: Integers
+    distance: Floats  # (...) in m; below zero where a cable enters a body, infinite where there is no pair
+    pair: Integers  # indices of two modules, or of a module and a body, (..., 2); -1 where there is none
 
 
 def cable_distance(
@@ -82,12 +78,7 @@ def body_distance(
     position, rotation, frames
         As in `Rig.structure_matrix`; a body on a frame without modules is at rest unless its pose is given.
     bodies : sequence of Body, optional
-        In place of `Rig.bodies`.
-
-    Raises
-    ------
-    ShapeError, RigError
-        As in `Rig.structure_matrix`; and as `Rig` refuses bodies.
+        In place of `Rig.bodies`. Errors as in `Rig.structure_matrix` and `Rig`.
 
     Examples
     --------

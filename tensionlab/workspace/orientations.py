@@ -20,17 +20,10 @@ MAX_ORIENTATIONS = 100_000  # more are taken for a mistaken step
 
 @dataclass(frozen=True, eq=False)
 class Orientations:
-    """Orientations that cover a set of them, and the share of the set that each stands for; an array for NumPy.
+    """Orientations that cover a set of them; an array for NumPy."""
 
-    Attributes
-    ----------
-    rotations : (k, 3, 3) array
-    weights : (k,) array
-        Their sum is 1.
-    """
-
-    rotations: Floats
-    weights: Floats
+    rotations: Floats  # (k, 3, 3)
+    weights: Floats  # (k,), shares of the set, whose sum is 1
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Floats:
         return np.array(self.rotations, dtype, copy=copy)

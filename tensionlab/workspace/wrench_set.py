@@ -36,12 +36,12 @@ RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None  # as in `capa
 
 
 class StructureBatch(NamedTuple):
-    """B structure matrices (B, n, m), their tension limits (B, m), and the leading axes of their results."""
+    """B structure matrices and their tension limits."""
 
-    structure: Floats
-    lower: Floats
+    structure: Floats  # (B, n, m)
+    lower: Floats  # (B, m)
     upper: Floats
-    shape: tuple[int, ...]
+    shape: tuple[int, ...]  # leading axes of their results
 
 
 def structure_matrices(structure: ArrayLike) -> Floats:
@@ -62,13 +62,10 @@ def structure_batch(matrices: Floats, limits: TensionRange, **axes: tuple[int, .
 
 
 class HalfSpaces(NamedTuple):
-    """The available wrench set as an intersection: w is in it if ``normals[i] @ w <= offsets[i]`` for all i.
+    """The available wrench set as an intersection: w is in it if ``normals[i] @ w <= offsets[i]`` for all i."""
 
-    Normals (..., k, n) are unit vectors away from the set; offsets are (..., k).
-    """
-
-    normals: Floats
-    offsets: Floats
+    normals: Floats  # unit vectors away from the set, (..., k, n)
+    offsets: Floats  # (..., k)
 
 
 def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
@@ -162,16 +159,12 @@ class MarginGradient(NamedTuple):
 
 
 class RigMarginGradient(NamedTuple):
-    """Capacity margin (...), and its derivatives by the reference point, anchors and attachments, in N/m.
-
-    (..., d) for the reference point, without rotation; (..., m, d) for the anchors, in the axes of their frames,
-    and for the attachments, in those of the platform; None for a point.
-    """
+    """Capacity margin (...), and its derivatives in N/m."""
 
     margin: Floats
-    position: Floats
-    anchors: Floats
-    attachments: Floats | None
+    position: Floats  # by the reference point, without rotation, (..., d)
+    anchors: Floats  # in the axes of their frames, (..., m, d)
+    attachments: Floats | None  # in the axes of the platform, (..., m, d); None for a point
 
 
 def capacity_margin(structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None) -> Floats:

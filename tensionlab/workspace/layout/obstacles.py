@@ -26,18 +26,14 @@ MAX_STEPS = 2000  # of a search for a distance; 10 to 100 are usual
 
 
 class Obstacles(NamedTuple):
-    """Bodies and targets: what the cables to a target must stay clear of.
+    """Bodies and targets: what the cables to a target must stay clear of."""
 
-    Targets are convex pieces (T, V, d); the vertices of bodies are (b, B, d); a body reaches ``reach`` (b,) beyond
-    them, and cables must stay ``margin`` (b,) away from that. Those in ``held`` (b,) move with the hand.
-    """
-
-    names: tuple[str, ...]
-    pieces: Floats
-    vertices: Floats
-    reach: Floats
-    margin: Floats
-    held: Integers
+    names: tuple[str, ...]  # of the b bodies
+    pieces: Floats  # convex pieces of the targets, (T, V, d)
+    vertices: Floats  # of the bodies, (b, B, d)
+    reach: Floats  # of each body beyond its vertices, (b,) in m
+    margin: Floats  # that cables must keep beyond that, (b,) in m
+    held: Integers  # whether each body moves with the hand, (b,)
 
     @classmethod
     def of(cls, bodies: Sequence[Body], targets: Sequence[Target], frames: Frames) -> Obstacles:

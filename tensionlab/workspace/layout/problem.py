@@ -34,14 +34,11 @@ COST_PER_METRE = 1e6  # of a margin that is not kept: any gain is worth less
 
 
 class TargetPoses(NamedTuple):
-    """Positions (P, d), matrices (P, d, d) of a platform, and required wrenches (P, k, n) or (1, k, n) there.
+    """Poses of the hand, or of a platform, and what is required there."""
 
-    Torques of wrenches are divided by the length of the space.
-    """
-
-    points: Floats
-    turns: Floats | None
-    required: Floats
+    points: Floats  # (P, d)
+    turns: Floats | None  # matrices of a platform, (P, d, d)
+    required: Floats  # wrenches (P, k, n) or (1, k, n), torques divided by the length of the space
 
     def surround(self, copies: int, radius_m: float, length: float) -> TargetPoses:
         """Return these poses, and copies of them that are moved, and turned at a length, by a radius at most."""
@@ -60,12 +57,12 @@ class TargetPoses(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Values (C, P) and spare distances (q,) from bodies, and their slopes (C P, v) and (q, v) by all shares."""
+    """Values and spare distances of a layout, and their slopes by all v shares of edges."""
 
-    values: Floats
-    slopes: Floats
-    spare: Floats
-    spare_slopes: Floats
+    values: Floats  # (C, P)
+    slopes: Floats  # (C P, v)
+    spare: Floats  # distances from bodies beyond the margins, (q,)
+    spare_slopes: Floats  # (q, v)
 
 
 class LayoutProblem(NamedTuple):

@@ -107,25 +107,18 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
 
 class SurfaceGeometry(NamedTuple):
-    """Corners (s, d) and edges (s, d, d) of surfaces, then attachments; ends (f, e, d) of fixed modules.
+    """Surfaces in the world, then attachments in the axes of the platform."""
 
-    Anchors and their surfaces are in the world, attachments in the axes of the platform.
-    """
-
-    corners: Floats
-    edges: Floats
-    fixed: Floats
+    corners: Floats  # (s, d)
+    edges: Floats  # (s, d, d)
+    fixed: Floats  # ends of the fixed modules' cables, (f, e, d)
 
 
 class Placement(NamedTuple):
-    """Surfaces (..., k, e) of the ends of k cables, and shares (..., k, e, d) of their edges from 0 to 1.
+    """Places of the ends of k cables: an anchor and, on a platform, an attachment (e is 1 or 2)."""
 
-    Every cable has an anchor and, on a platform, an attachment: e is 1 or 2. Shares of edges that are not there
-    have no meaning. Indices of attachments follow those of the surfaces for modules.
-    """
-
-    surfaces: Integers
-    along: Floats
+    surfaces: Integers  # indices (..., k, e), those of attachments after those of the surfaces for modules
+    along: Floats  # shares (..., k, e, d) of the edges from 0 to 1, without meaning where there is no edge
 
 
 @raises(RigError)

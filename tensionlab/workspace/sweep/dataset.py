@@ -148,12 +148,7 @@ def summary(swept: xarray.Dataset) -> pandas.DataFrame:
 
     Its columns are ``rig``, ``metric``, ``unit``, the number of ``poses`` and of those that are ``missing`` a
     value, ``min``, ``median`` and ``max``, and in ``above_zero`` the share of the volume (of the poses of a list)
-    where the metric is above zero.
-
-    Parameters
-    ----------
-    swept : Dataset
-        Result of `tensionlab.sweep`. SweepError if values in its store are damaged.
+    where the metric is above zero. SweepError if values in the store of what was ``swept`` are damaged.
 
     Examples
     --------
