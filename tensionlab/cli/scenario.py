@@ -159,19 +159,15 @@ def _check(scenario: Scenario, solver: str, seconds: float | None, modules: str 
     if modules is None and osc is not None:
         raise typer.BadParameter("--osc is for real modules; the position of a simulated person is known")
     if modules is not None and osc is None and needs_tracker(scenario.rig):
-        raise typer.BadParameter(
-            f"the cables of {scenario.rig.name} cannot tell where everything is: give --osc PORT, and have a "
-            f"tracker send /body/{', /body/'.join(['hand', *scenario.rig.frames])}"
-        )
+        tracked = ", ".join(f"/body/{body}" for body in ("hand", *scenario.rig.frames))
+        unknown = f"the cables of {scenario.rig.name} cannot tell where everything is"
+        raise typer.BadParameter(f"{unknown}: give --osc PORT, and have a tracker send {tracked}")
 
 
 def _reach(
     scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack, *, paced: bool
 ) -> ScenarioModules:
-    """Open the modules, to be closed with the rest, and what tracks hand and bodies.
-
-    The time of simulated ones goes no faster than real time if ``paced``, else as fast as it can.
-    """
+    """Open the modules and what tracks hand and bodies; simulated time passes no faster than real if ``paced``."""
     if modules is None:
         print_simulated()
         reached = simulate_modules(scenario, paced=paced)

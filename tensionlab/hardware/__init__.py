@@ -34,39 +34,25 @@ from tensionlab.hardware.client import links
 from tensionlab.support.lazy import importer
 
 if TYPE_CHECKING:
-    from tensionlab.demand import Demand, Impedance, Pose, RigState
-    from tensionlab.hardware.client.group import ModuleGroup, connect
-    from tensionlab.hardware.client.links import load_modules
-    from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.log.reader import Run, read_run
-    from tensionlab.hardware.log.writer import RunLog
-    from tensionlab.hardware.runner.program import Program, load_program
-    from tensionlab.hardware.runner.records import Cycle
-    from tensionlab.hardware.runner.runner import Runner
-    from tensionlab.hardware.runner.settings import RealClock, RunSettings, WorldClock
-    from tensionlab.hardware.simulation.world import World
-
-__all__ = [
-    "Cycle",
-    "Demand",
-    "Impedance",
-    "ModuleClient",
-    "ModuleGroup",
-    "Pose",
-    "Program",
-    "RealClock",
-    "RigState",
-    "Run",
-    "RunLog",
-    "RunSettings",
-    "Runner",
-    "World",
-    "WorldClock",
-    "connect",
-    "load_modules",
-    "load_program",
-    "read_run",
-]
+    from tensionlab.demand import Demand as Demand
+    from tensionlab.demand import Impedance as Impedance
+    from tensionlab.demand import Pose as Pose
+    from tensionlab.demand import RigState as RigState
+    from tensionlab.hardware.client.group import ModuleGroup as ModuleGroup
+    from tensionlab.hardware.client.group import connect as connect
+    from tensionlab.hardware.client.links import load_modules as load_modules
+    from tensionlab.hardware.client.module import ModuleClient as ModuleClient
+    from tensionlab.hardware.log.reader import Run as Run
+    from tensionlab.hardware.log.reader import read_run as read_run
+    from tensionlab.hardware.log.writer import RunLog as RunLog
+    from tensionlab.hardware.runner.program import Program as Program
+    from tensionlab.hardware.runner.program import load_program as load_program
+    from tensionlab.hardware.runner.records import Cycle as Cycle
+    from tensionlab.hardware.runner.runner import Runner as Runner
+    from tensionlab.hardware.runner.settings import RealClock as RealClock
+    from tensionlab.hardware.runner.settings import RunSettings as RunSettings
+    from tensionlab.hardware.runner.settings import WorldClock as WorldClock
+    from tensionlab.hardware.simulation.world import World as World
 
 _NAMES = {
     "tensionlab.demand": ("Demand", "Impedance", "Pose", "RigState"),
@@ -81,6 +67,7 @@ _NAMES = {
     "tensionlab.hardware.runner.records": ("Cycle",),
     "tensionlab.hardware.simulation.world": ("World",),
 }
+__all__ = [name for names in _NAMES.values() for name in names]
 
 
 def __dir__() -> list[str]:

@@ -75,9 +75,8 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
     try:
         lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
     except (AttributeError, ValueError):
-        raise ShapeError(
-            f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
-        ) from None
+        wanted = "a pair (lower, upper) or have those attributes, as rig.limits has"
+        raise ShapeError(f"limits must be {wanted}; got {limits!r:.60}") from None
     low, high = readonly_copy(require_finite("lower", lower, 0)), readonly_copy(require_finite("upper", upper, 0))
     try:
         crossed = low > high
@@ -119,18 +118,14 @@ def check(name: str, values: Floats) -> None:
     if not _native.all_within(values, MAX_MAGNITUDE):
         index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < MAX_MAGNITUDE))[0])
         where = f"{name}[{', '.join(map(str, index))}]" if index else name
-        raise ShapeError(
-            f"{where} is {values[index]}; every entry must be a finite number, below {MAX_MAGNITUDE:g}"
-        )
+        raise ShapeError(f"{where} is {values[index]}; every entry must be finite, below {MAX_MAGNITUDE:g}")
 
 
 def check_size(n: int, m: int) -> None:
     """Refuse more wrench components and cables than the kernels serve, and none."""
     if not (1 <= n <= _native.MAX_COMPONENTS and 1 <= m <= _native.MAX_CABLES):
-        raise ShapeError(
-            f"structure has {n} wrench components and {m} cables; it must have 1 to "
-            f"{_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
-        )
+        most = f"1 to {_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
+        raise ShapeError(f"structure has {n} wrench components and {m} cables; it must have {most}")
 
 
 def broadcast_last_axis(name: str, array: Floats, count: int, what: str) -> Floats:

@@ -83,7 +83,7 @@ MISTAKES = {
     "validate --out v --modules modules.toml": "--modules needs --sensor: what do they pull on?",
     "scenario bow --osc 9000": "--osc is for real modules; the position of a simulated person is known",
     "serve": "give a rig, or --scenario NAME, which has a rig of its own",
-    "serve cube-8 --host 0.0.0.0 --port 0": "give a token that clients must know (--token-file)",
+    "serve cube-8 --host 0.0.0.0 --port 0": "give a token (--token-file)",
     # Rigs that do not suit the verb.
     "workspace cube-8 kntu-planar": "(planar) needs 2; give it other poses, or a sweep of its own",
     "scenario bow --rig kntu-planar": 'as rig "kntu-planar" (planar) has them, or another rig',
@@ -110,7 +110,7 @@ MISTAKES = {
     "compare key.toml": "key.toml: 2 problems: modules[3].name is missing; give a name in quotes",
     "workspace cube-8 --poses poses.csv": "poses.csv: line 2, column \"z\": 'nan' is no finite number",
     "rig import --caspr rig.toml rig.toml": "rig.toml: not well-formed XML",
-    "module calibrate anchors rig.toml heads.csv": 'heads.csv: column "floor-1" is missing; there must be floor-1',
+    "module calibrate anchors rig.toml heads.csv": 'heads.csv: column "floor-1" is missing; there are',
     # Places that cannot be written to.
     "compare cube-8 --plot c.bmp": "--plot: c.bmp: unsupported format; it must end in .png or .pdf or .svg",
     "compare cube-8 --out no/such/c.csv": "no folder",

@@ -171,7 +171,7 @@ def test_identify_says_which_cable_pulses_and_why_one_cannot(run, call, urls):
     assert json.loads(call("info", "top", "--json")[1])[0]["info"]["state"] == "IDLE"
     status, out, err = run("module", "identify", "sim:")
     assert (status, out) == (1, "")
-    assert "is not calibrated, and can't be armed: `tensionlab module calibrate gain sim:`" in err
+    assert "is not calibrated; first `tensionlab module calibrate gain sim:`" in err
 
 
 def test_stop_and_clear_say_in_which_state_that_leaves_modules(call, urls):

@@ -139,4 +139,4 @@ def test_a_mass_is_hung_on_by_a_person_and_refused_if_it_does_not_move(run, monk
     monkeypatch.setattr("tensionlab.hardware.calibration.gain.SEARCH_N_S", 3.0)
     code, _, err = run("gain", url, "--mass", 0.1)
     assert code == 2
-    assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err
+    assert "its cable does not reel in; is the mass heavier, or not free" in err

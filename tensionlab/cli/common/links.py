@@ -62,11 +62,9 @@ def links_of_rig(rig: Rig, modules: str) -> dict[str, str]:
         return load_modules(modules)
     urls = [url.strip() for url in modules.split(",") if url.strip()]
     if len(urls) != rig.m:
-        names = ", ".join(module.name for module in rig.modules)
-        raise typer.BadParameter(
-            f"--modules has {format_count(len(urls), 'link')}, {rig.name} has {rig.m} modules ({names}); "
-            "give a link for each, or a file that ends in .toml"
-        )
+        names = f"{rig.m} modules ({', '.join(module.name for module in rig.modules)})"
+        found = f"--modules has {format_count(len(urls), 'link')}, {rig.name} has {names}"
+        raise typer.BadParameter(f"{found}; give a link for each, or a file that ends in .toml")
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 
 

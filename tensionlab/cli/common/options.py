@@ -111,10 +111,9 @@ def load(
         values, d = parse_numbers(f"--frame {body}", numbers), rig.dimension
         turn = 3 if d == 3 else 1
         if len(values) not in (d, d + turn):
-            raise typer.BadParameter(
-                f"--frame {body} has {format_count(len(values), 'number')}; {rig.name} needs {d} for the position "
-                f"in m, and {turn} more for a rotation in rad, if it is turned"
-            )
+            found = f"--frame {body} has {format_count(len(values), 'number')}"
+            wanted = f"{d} for the position in m, and {turn} more for a rotation in rad, if it is turned"
+            raise typer.BadParameter(f"{found}; {rig.name} needs {wanted}")
         rest[body] = RestPose(body, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
     return with_requirement(replace(rig, rest=tuple(rest.values())), wrench, gravity, required, acceleration)
 
@@ -156,17 +155,15 @@ def parse_region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Fl
         numbers = parse_numbers("--box", box)
         if len(numbers) != 2 * dimension:
             names = " ".join(f"{axis}0 {axis}1" for axis in "xyz"[:dimension])
-            raise typer.BadParameter(
-                f"--box has {format_count(len(numbers), 'number')}; {rigs[0].name} needs {2 * dimension}: {names}"
-            )
+            found = f"--box has {format_count(len(numbers), 'number')}"
+            raise typer.BadParameter(f"{found}; {rigs[0].name} needs {2 * dimension}: {names}")
         ends = np.array(numbers).reshape(dimension, 2)
     if step is None:
         return ends, np.array(float(np.ptp(ends, axis=1).max()) / STEPS or 1.0)
     steps = np.array(parse_numbers("--step", step))
     if not (steps > 0).all() or len(steps) not in (1, dimension):
-        raise typer.BadParameter(
-            f"--step is {step.replace(',', ' ')}; give one length in m, or {dimension}, above zero"
-        )
+        given = step.replace(",", " ")
+        raise typer.BadParameter(f"--step is {given}; give one length in m, or {dimension}, above zero")
     return ends, steps[0] if len(steps) == 1 else steps
 
 

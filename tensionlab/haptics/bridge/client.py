@@ -37,10 +37,8 @@ class BridgeClient:
         with self._stack:  # closed at once if the bridge refuses
             self.welcome = Welcome.model_validate(self._answer("welcome"))
             if self.welcome.protocol != PROTOCOL:
-                raise HardwareError(
-                    f"{url}: the bridge has version {self.welcome.protocol} of the messages, this client "
-                    f"{PROTOCOL}; use the same tensionlab for both"
-                )
+                versions = f"version {self.welcome.protocol} of the messages, this client {PROTOCOL}"
+                raise HardwareError(f"{url}: the bridge has {versions}; use the same tensionlab for both")
             self._stack = self._stack.pop_all()
 
     def __enter__(self) -> Self:

@@ -91,10 +91,9 @@ class ClientState:
                 self._commander, self._frames, self._effects, self._tables = commander, (None, None), {}, {}
                 self._transit_times.clear()
             elif latest is not None and now - latest.time < RESTART_S and frame.time < latest.frame.time:
-                raise FrameRefused(
-                    f"time is {frame.time:.12g}, before {latest.frame.time:.12g} of the previous frame; give s by "
-                    f"one clock that never goes back, or no frame for {RESTART_S:g} s before it starts afresh"
-                )
+                back = f"time is {frame.time:.12g}, before {latest.frame.time:.12g} of the previous frame"
+                advice = f"give s by a clock that never goes back, or pause for {RESTART_S:g} s before it does"
+                raise FrameRefused(f"{back}; {advice}")
             self._frames = (self._frames[1], ReceivedFrame(frame, now))
             self._transit_times.append(now - frame.time)
             self._late = self._transit_times[-1] - min(self._transit_times)
@@ -135,9 +134,7 @@ class ClientState:
                 known = ", ".join([HAND, *rig.frames])
                 raise FrameRefused(f"bodies: this rig has no body {name!r}; there are: {known}")
             if (count := len(body.position)) != rig.dimension:
-                raise FrameRefused(
-                    f"bodies: position of {name!r} has {count} numbers; give {rig.dimension}, as the rig has axes"
-                )
+                raise FrameRefused(f"bodies: position of {name!r} has {count} numbers; give {rig.dimension}")
         if not frame.bodies:
             return
         hand, frames = frame.bodies.get(HAND), rig.at_rest

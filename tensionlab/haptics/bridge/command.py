@@ -57,10 +57,8 @@ class Command:
         """Raise `FrameRefused` while another client commands."""
         holder = self._holder
         if holder is not None and now - holder.last_seen < SILENCE_S:
-            raise FrameRefused(
-                f"another client commands; watch at /events, or wait until {holder.name} has gone or been "
-                f"silent for {SILENCE_S:g} s"
-            )
+            until = f"{holder.name} has gone or been silent for {SILENCE_S:g} s"
+            raise FrameRefused(f"another client commands; watch at /events, or wait until {until}")
 
     def leave(self, commander: Commander) -> None:
         """Free the command, if this client has it."""

@@ -76,9 +76,7 @@ def read_packet(data: bytes) -> OscPacket:
         size = int.from_bytes(data[at : at + 4], "big", signed=True)
         at += 4
         if size % 4 or not 0 < size <= len(data) - at:
-            raise ProtocolError(
-                f"an element of {size} bytes, where {len(data) - at} are left; OSC has multiples of 4"
-            )
+            raise ProtocolError(f"an element of {size} bytes in {len(data) - at}; OSC has multiples of 4")
         if len(messages) >= MAX_MESSAGES:
             raise ProtocolError(f"more than {MAX_MESSAGES} messages in a packet")
         messages.append(_message(data[at : at + size]))
@@ -272,8 +270,6 @@ def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
         for each in parts:
             part = part.setdefault(each, {})
             if not isinstance(part, dict):
-                raise EffectError(
-                    f"effect {effect!r}: {name}: {each} has a value of its own; give that or its parts"
-                )
+                raise EffectError(f"effect {effect!r}: {name}: {each} has a value; give that or its parts")
         part[key] = given[0] if len(given) == 1 and name not in lists else tuple(given)
     return table

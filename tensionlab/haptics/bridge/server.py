@@ -158,9 +158,7 @@ class Bridge:
         self._closed = ConnectionClosed  # raised when a client has gone
         self._admission = admission or Admission()
         if host not in LOOPBACK and not self._admission.token:
-            raise HardwareError(
-                f"the bridge would be open to others at {host}; give a token that clients must know (--token-file)"
-            )
+            raise HardwareError(f"the bridge would be open to others at {host}; give a token (--token-file)")
         self._client, self._welcome, self._state = client, welcome, state
         self._host, self._port, self._report = host, port, report
         client.command.report = report

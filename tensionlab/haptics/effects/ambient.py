@@ -191,9 +191,8 @@ class Recoil:
 
     def __post_init__(self) -> None:
         if (np.diff(self.shots) < (1.0 - 1e-9) / self.rate).any():
-            raise EffectError(
-                f"shots are {brief(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
-            )
+            apart = f"{1.0 / self.rate:g} s apart or more"
+            raise EffectError(f"shots are {brief(self.shots)}; give times in order, {apart}")
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the kick."""

@@ -251,16 +251,12 @@ class Texture:
     """Ripples across it."""
 
     def __post_init__(self) -> None:
-        if len(self.ripples.direction) != len(self.wall.plane.normal):
-            raise EffectError(
-                f"ripples.direction is {self.ripples.direction}, wall.plane.normal "
-                f"{self.wall.plane.normal}; give both as many components as the rig has axes"
-            )
+        direction, normal = self.ripples.direction, self.wall.plane.normal
+        both = f"ripples.direction is {direction}, wall.plane.normal {normal}"
+        if len(direction) != len(normal):
+            raise EffectError(f"{both}; give both as many components as the rig has axes")
         if not np.linalg.norm(self._across) > 0.5:
-            raise EffectError(
-                f"direction {self.ripples.direction} is along the wall's normal "
-                f"{self.wall.plane.normal}; give one along the surface"
-            )
+            raise EffectError(f"{both}; give a direction along the surface")
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push, friction and ripples; the memory is the friction's."""

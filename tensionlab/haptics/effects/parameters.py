@@ -118,9 +118,7 @@ def require_dimension(parameters: object, dimension: int, where: str) -> None:
     """Raise `EffectError` for a vector of another dimension than a rig's, also in parts and defaults."""
     for name, vector in _vector_values(parameters):
         if len(vector) != dimension:
-            raise EffectError(
-                f"{where}: {name} is {brief(vector)}; give {dimension} components, as the rig has {dimension} axes"
-            )
+            raise EffectError(f"{where}: {name} is {brief(vector)}; give {dimension} components on this rig")
 
 
 def _vector_values(parameters: Any) -> Iterator[tuple[str, tuple[float, ...]]]:

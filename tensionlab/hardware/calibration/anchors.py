@@ -158,33 +158,25 @@ def calibrate_anchors(
     found as well. A `CalibrationError` refuses too few poses, and poses that do not determine all anchors.
     """
     if rig.frames:
-        raise CalibrationError(
-            f'rig "{rig.name}": modules are attached to {", ".join(rig.frames)}; only fixed anchors can be '
-            "calibrated: hold the bodies still, and give a rig in which they are the world"
-        )
+        moving = f"modules are attached to {', '.join(rig.frames)}, and only fixed anchors can be calibrated"
+        raise CalibrationError(f'rig "{rig.name}": {moving}; give a rig in which these bodies are the world')
     if lengths.ndim != 2 or lengths.shape[1] != rig.m or not np.isfinite(lengths).all() or (lengths <= 0.0).any():
-        raise CalibrationError(
-            f'rig "{rig.name}": give finite lengths above 0 m, a row for each pose and a column for each of its '
-            f"{rig.m} modules; got shape {lengths.shape}"
-        )
+        wanted = f"finite lengths above 0 m, of shape (K, {rig.m}): a row for each pose"
+        raise CalibrationError(f'rig "{rig.name}": give {wanted}; got shape {lengths.shape}')
     if poses is None:
         if known:
             raise CalibrationError("known poses were announced and none given; add them, or leave them unknown")
         poses = Poses.at(rig, np.tile(rig.home, (len(lengths), 1)))
     problem = AnchorProblem(rig, lengths, known, offsets)
     if problem.spare <= 0:
-        raise CalibrationError(
-            f'rig "{rig.name}" has {rig.m} cables for {rig.n} degrees of freedom: lengths at unknown poses say '
-            "nothing about the anchors; measure at known poses, or add modules"
-        )
+        few = f"{rig.m} cables for {rig.n} degrees of freedom: unknown poses tell nothing about the anchors"
+        raise CalibrationError(f'rig "{rig.name}" has {few}; measure at known poses, or add modules')
     unknown = problem.size - problem.gauge
     fewest = math.ceil(unknown / problem.spare)
     if len(lengths) < fewest:
-        raise CalibrationError(
-            f"{len(lengths)} poses cannot tell the {unknown} unknowns of {rig.m} anchors"
-            f"{' and offsets' if offsets else ''}; measure at {fewest} or more, twice as many if you can, spread "
-            "over the whole workspace"
-        )
+        what = f"{unknown} unknowns of {rig.m} anchors{' and offsets' if offsets else ''}"
+        more = f"measure at {fewest} or more, better twice as many, spread over the whole workspace"
+        raise CalibrationError(f"{len(lengths)} poses cannot tell the {what}; {more}")
     shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
     shared, poses = _fit(problem, shared, poses)
     if not known:

@@ -18,7 +18,7 @@ from functools import partial
 
 import numpy as np
 
-from tensionlab.errors import CalibrationError, ModuleFault
+from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.pulling import PERIOD_S, Puller, pulling
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
@@ -114,9 +114,7 @@ def estimate_gain(balances: Sequence[Balance], previous_gain: float) -> GainEsti
     values, deviations = fitted.coefficients.tolist(), np.sqrt(np.diag(fitted.covariance)).tolist()
     slope = around(values[0], deviations[0], fitted.freedom)
     if not slope.lower > 0.0:
-        raise CalibrationError(
-            "the current does not grow with the weight beyond doubt; take weights that differ more"
-        )
+        raise CalibrationError("the current does not clearly grow with the weight; take weights that differ more")
     gain = Estimate(1.0 / slope.value, 1.0 / slope.upper, 1.0 / slope.lower)
     gradient = np.array([-values[1] / values[0], 1.0]) / values[0]  # of the friction, by the delta method
     variance = float(gradient @ fitted.covariance[:2, :2] @ gradient)
@@ -151,19 +149,13 @@ def weigh(
     """
     info, weight = client.hello(), mass * STANDARD_GRAVITY_M_S2
     if info.state is not State.IDLE:
-        raise ModuleFault(
-            f'module "{client.name}" is {info.state.name}, not IDLE; stop it first (after a fault: clear it)',
-            client.name,
-            info.state,
-        )
+        raise client.fault(f"is {info.state.name}, not IDLE; stop it first (after a fault: clear it)", info.state)
     lower = info.tension_lower
     upper = info.tension_continuous
     if not lower < weight < upper:
         lowest, highest = 1.3 * lower / STANDARD_GRAVITY_M_S2, 0.9 * upper / STANDARD_GRAVITY_M_S2
-        raise CalibrationError(
-            f'module "{client.name}" can pull continuously with {lower:.2g} to {upper:.2g} N, so {mass:g} kg is '
-            f"too {'light' if weight <= lower else 'heavy'}: hang a mass of {lowest:.2f} to {highest:.2f} kg on it"
-        )
+        wrong = f"{mass:g} kg is too {'light' if weight <= lower else 'heavy'}"
+        raise CalibrationError(f'module "{client.name}": {wrong}; hang {lowest:.2f} to {highest:.2f} kg on it')
     balances = []
     with pulling(client, info) as puller:
         ramp = partial(_ramp, puller, min(info.tension_upper, MAX_WEIGHT_RATIO * weight))
@@ -206,10 +198,10 @@ def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, 
         tension += rate * PERIOD_S
         if not info.tension_lower <= tension <= most:
             verb, mass = ("reel in", "heavier") if rate > 0.0 else ("pay out", "lighter")
-            raise CalibrationError(
-                f'module "{puller.client.name}": at {tension:.2f} N its cable does not {verb} yet; is the mass '
-                f"{mass} than was said, or not free to move by 5 cm?"
+            still = (
+                f"at {tension:.2f} N its cable does not {verb}; is the mass {mass}, or not free to move by 5 cm?"
             )
+            raise CalibrationError(f'module "{puller.client.name}": {still}')
         telemetry = puller.hold(max(tension + damping * telemetry.speed, info.tension_lower))
         turned = max(turned, direction * telemetry.length)  # it may still be on its way back
     return tension if started is None else started
@@ -225,10 +217,8 @@ def _settle(puller: Puller, tension: float) -> None:
             if np.ptp([each.length for each in puller.reports]) < STILL_M:
                 return
             del puller.reports[: len(puller.reports) // 2]
-    raise CalibrationError(
-        f'module "{puller.client.name}": the mass does not come to rest at {tension:.2f} N; does it swing, or is '
-        "there hardly any friction?"
-    )
+    moving = f"the mass does not come to rest at {tension:.2f} N; does it swing?"
+    raise CalibrationError(f'module "{puller.client.name}": {moving}')
 
 
 def _current_at_start(puller: Puller, direction: int) -> float:
@@ -240,9 +230,7 @@ def _current_at_start(puller: Puller, direction: int) -> float:
     last_still = int(np.flatnonzero(way < STARTED_M)[-1])
     moving = slice(last_still + 1, None)
     if len(way[moving]) < MIN_MOVING_SAMPLES:
-        raise CalibrationError(
-            f'module "{puller.client.name}": its cable moved too suddenly; has the mass come off, did it stick?'
-        )
+        raise CalibrationError(f'module "{puller.client.name}": its cable moved too suddenly; did the mass stick?')
     slope, offset = np.polyfit(time[moving], np.cbrt(way[moving]), 1)
     start = float(np.clip(-offset / slope, time[max(last_still - 50, 0)], time[last_still]))
     near = time > start - TREND_S

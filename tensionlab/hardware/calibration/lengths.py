@@ -11,7 +11,7 @@ from tensionlab.errors import CalibrationError, HardwareError
 from tensionlab.hardware.calibration.anchors import Poses
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
-from tensionlab.hardware.runner.pretension import MAX_PRETENSION_S, REST_M_S, CableSpeeds
+from tensionlab.hardware.runner.pretension import HOLD_STILL, MAX_PRETENSION_S, NOT_AT_REST, REST_M_S, CableSpeeds
 from tensionlab.hardware.runner.settings import Clock
 from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.rig import Rig
@@ -47,10 +47,7 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
 
     _taut(group, rig, clock, MAX_PRETENSION_S, look)
     if not resting:
-        raise CalibrationError(
-            f"the cables have not come to rest within {MAX_PRETENSION_S:g} s; see that all are hooked on and "
-            "free, and hold the platform still"
-        )
+        raise CalibrationError(f"{NOT_AT_REST}: {HOLD_STILL}")
     known = [info.length_known for info in group.infos]
     clock.wait_until(clock.now() + RELEASE_S)
     for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):

@@ -41,9 +41,8 @@ class Puller:
             raise HardwareError(f'module "{self.client.name}" sends no telemetry')
         latest = self.reports[-1]
         if latest.limit in LIMITER_ADVICE:
-            raise HardwareError(
-                f'module "{self.client.name}" does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}'
-            )
+            why = f"does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}"
+            raise HardwareError(f'module "{self.client.name}" {why}')
         return latest
 
 

@@ -93,11 +93,10 @@ class ModuleGroup:
             lower = info.tension_lower * (1.0 - LIMIT_TOLERANCE)
             upper = info.tension_upper * (1.0 + LIMIT_TOLERANCE)
             if not lower <= module.lower <= module.upper <= upper:
-                raise HardwareError(
-                    f'module "{client.name}" pulls with {info.tension_lower:g} to {info.tension_upper:g} N, but '
-                    f"the rig wants {module.lower:g} to {module.upper:g} N; change the rig's limits, or the "
-                    f"module's parameters tension_lower and tension_upper"
-                )
+                own = f"pulls with {info.tension_lower:g} to {info.tension_upper:g} N"
+                wanted = f"the rig wants {module.lower:g} to {module.upper:g} N"
+                advice = "change the rig's limits, or the module's parameters tension_lower and tension_upper"
+                raise HardwareError(f'module "{client.name}" {own}, but {wanted}; {advice}')
         self._all(Stop(), Acknowledge)  # a module may still be in TIMEOUT from an earlier run
         self._all(messages.ConfigureTelemetry(telemetry_ms), Acknowledge)
         self.slews = self._values("slew")
@@ -110,10 +109,8 @@ class ModuleGroup:
         known = dict(zip(self.clients, self.infos, strict=True))
         unknown = [client.name for client, info in known.items() if not info.length_known]
         if unknown:
-            raise HardwareError(
-                f"the cable lengths of {', '.join(unknown)} are not known, so neither is the position: calibrate "
-                "them (`tensionlab module calibrate lengths`), or give a tracker or a place"
-            )
+            advice = "`tensionlab module calibrate lengths`, or give a tracker or a place"
+            raise HardwareError(f"the cable lengths of {', '.join(unknown)} are not known: {advice}")
 
     def arm(self, tensions: Iterable[float]) -> None:
         """Arm all modules; those armed first are kept alive with the given tensions, in N.

@@ -124,9 +124,7 @@ class SerialLink:
         except (serial.SerialException, ValueError) as error:
             number = getattr(error, "errno", None)
             why = os.strerror(number) if number else error
-            raise LinkError(
-                f"{url} cannot be opened: {why}; is it there, and is no other program using it?"
-            ) from None
+            raise LinkError(f"{url} cannot be opened: {why}; is it there, and not in use?") from None
         try:
             self.file: int | None = self._port.fileno()
         except io.UnsupportedOperation:  # which every port has on Windows

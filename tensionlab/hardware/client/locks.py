@@ -73,9 +73,7 @@ class LinkLock:
             except OSError as error:
                 problems.append(f"{error.filename or folder}: {error.strerror}")
         if not self._held:
-            raise LinkError(
-                f"{url} cannot be locked for this process: {problems[-1]}; see that you may write there"
-            )
+            raise LinkError(f"{url} cannot be locked: {problems[-1]}; see that you may write there")
 
     def _take(self, path: Path, owner: Holder) -> None:
         """Lock a file and write its note; a `LinkError` if another process has it."""

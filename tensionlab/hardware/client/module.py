@@ -52,22 +52,13 @@ class Received(NamedTuple):
 
 def require_ready(client: ModuleClient, info: Info) -> None:
     """Refuse a module that another program has armed, that has a fault, or is not calibrated; say what to do."""
-    named, url = f'module "{client.name}"', client.link.url
-    if info.state in FOLLOWING_STATES:
-        raise LinkError(
-            f"{named} is {info.state.name}: another program has armed it; stop it there, or with "
-            f"`tensionlab module stop {url}`"
-        )
-    if info.state in LATCHED_STATES:
-        raise ModuleFault(
-            f"{named} is in {info.state.name}: find out why, then `tensionlab module clear {url}`",
-            client.name,
-            info.state,
-        )
+    named, url, state = f'module "{client.name}"', client.link.url, info.state
+    if state in FOLLOWING_STATES:
+        raise LinkError(f"{named} is {state.name}: another program has armed it; `tensionlab module stop {url}`")
+    if state in LATCHED_STATES:
+        raise client.fault(f"is in {state.name}: find out why, then `tensionlab module clear {url}`", state)
     if not info.calibrated:
-        raise HardwareError(
-            f"{named} is not calibrated, and can't be armed: `tensionlab module calibrate gain {url}`"
-        )
+        raise HardwareError(f"{named} is not calibrated; first `tensionlab module calibrate gain {url}`")
 
 
 class ModuleClient:
@@ -167,6 +158,10 @@ class ModuleClient:
                 waiting = remaining > 0 and self._wait(sequence, remaining)
         raise self.no_answer(command, len(tries))
 
+    def fault(self, problem: str, code: State | Code | Fault) -> ModuleFault:
+        """Return the error of this module with a problem in words."""
+        return ModuleFault(f'module "{self.name}" {problem}', self.name, code)
+
     def no_answer(self, command: Message, tries: int) -> LinkTimeout:
         """Return the error of a command that was sent several times without an answer."""
         return LinkTimeout(
@@ -203,12 +198,8 @@ class ModuleClient:
             if found.command is not command.type or (found.code is Code.OK and other_session):
                 return None
             if found.code is not Code.OK:
-                raise ModuleFault(
-                    f'module "{self.name}" refused {type(command).__name__}: {found.code.name} '
-                    f"(it is {found.state.name})",
-                    self.name,
-                    found.code,
-                )
+                refused = f"refused {type(command).__name__}: {found.code.name} (it is {found.state.name})"
+                raise self.fault(refused, found.code)
         return found if isinstance(found, kind) else None
 
     def listen(self, seconds: float = 0.0) -> None:
@@ -295,15 +286,9 @@ class ModuleClient:
         if self.state in RELEASED_STATES:
             faults = Fault(self.endpoint.faults)
             named = f": {faults.name or int(faults)}" if faults else ""
-            raise ModuleFault(
-                f'module "{self.name}" has released its cable ({self.state.name}{named})',
-                self.name,
-                faults or self.state,
-            )
+            raise self.fault(f"has released its cable ({self.state.name}{named})", faults or self.state)
         if (refused := self.forget_refusals()) is not None:
-            raise ModuleFault(
-                f'module "{self.name}" refused a set-point: {refused.code.name}', self.name, refused.code
-            )
+            raise self.fault(f"refused a set-point: {refused.code.name}", refused.code)
 
     def forget_refusals(self) -> Acknowledge | None:
         """Discard the refusals of set-points up to now, and return the latest."""

@@ -78,18 +78,6 @@ class _UnpackedLogError(LogError):
     """The chunks of a file unpack to more than its limit."""
 
 
-class _Bounded:
-    """File of known size that refuses to read more: a damaged length would ask for all memory."""
-
-    def __init__(self, file: IO[bytes], size: int) -> None:
-        self._file, self._size = file, size
-
-    def read(self, count: int) -> bytes:
-        if count > self._size:
-            raise EOFError
-        return self._file.read(count)
-
-
 def read_records(path: Path, progress: Callable[[float], None] | None = None) -> Iterator[Record]:
     """Yield the records of a log that are whole, up to the first that is not.
 
@@ -144,9 +132,8 @@ def _whole_records(file: IO[bytes], size: int, source: str) -> Iterator[Any]:
     from mcap.stream_reader import StreamReader, breakup_chunk
     from zstandard import frame_content_size
 
-    bounded: Any = _Bounded(file, size)
     total = 0
-    for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
+    for record in StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:
         if not isinstance(record, Chunk):
             yield record
             continue

@@ -282,9 +282,8 @@ class Info(Message, type=Type.INFO):
             if not getattr(info, name) > 0:
                 raise ProtocolError(f"Info: {name} is {getattr(info, name):g}; it must be above 0")
         if info.tension_lower > info.tension_upper:
-            raise ProtocolError(
-                f"Info: tension_lower {info.tension_lower:g} is above tension_upper {info.tension_upper:g}"
-            )
+            lower, upper = info.tension_lower, info.tension_upper
+            raise ProtocolError(f"Info: tension_lower {lower:g} is above tension_upper {upper:g}")
         return info
 
 

@@ -156,10 +156,8 @@ class ArmedModules:
             try:
                 self._require_healthy(client, ages[index])
                 if not self._stall_s and late[index] > ttl:
-                    raise LinkTimeout(
-                        f'module "{client.name}" is late: the newest set-point that it reports to follow was '
-                        f"sent {delays[index]:.2f} s ago, and lives {ttl:g} s; its link is slow or crowded"
-                    )
+                    old = f"it follows a set-point sent {delays[index]:.2f} s ago, which lives {ttl:g} s"
+                    raise LinkTimeout(f'module "{client.name}" is late: {old}; its link is slow or crowded')
                 self._derating.require_holding(index, bearable[index])
             except HardwareError as error:
                 self._lose(index, error)
@@ -170,12 +168,9 @@ class ArmedModules:
         except ModuleFault as fault:
             if fault.code is not State.TIMEOUT or not self._stall_s:
                 raise
-            raise ModuleFault(
-                f"{fault}: this computer took {self._stall_s:.2f} s from one cycle to the next, and set-points "
-                f"live {self._settings.ttl:g} s; is it busy, or the solver slow?",
-                fault.module,
-                fault.code,
-            ) from None
+            late = f"a cycle came after {self._stall_s:.2f} s, and set-points live {self._settings.ttl:g} s"
+            slow = f"{fault}: {late}; is this computer busy, or the solver slow?"
+            raise ModuleFault(slow, fault.module, fault.code) from None
         if (unchecked := client.unchecked()) is not None:
             require_plausible(client.name, *unchecked)
         if age <= self._settings.ttl + self._stall_s:
@@ -212,10 +207,8 @@ class ArmedModules:
             self.tensions, chosen, free, lower, upper, self._max_change
         )
         if refused >= 0:
-            raise HardwareError(
-                f'module "{self.names[refused]}" would be sent {chosen[refused]:g} N; its limits are '
-                f"{lower[refused]:g} to {upper[refused]:g} N"
-            )
+            limits = f"its limits are {lower[refused]:g} to {upper[refused]:g} N"
+            raise HardwareError(f'module "{self.names[refused]}" would be sent {chosen[refused]:g} N; {limits}')
         self.tensions = tensions
         self._compensated = self._friction_force
         return commanded, slew_limited
@@ -307,11 +300,8 @@ def require_following(client: ModuleClient) -> None:
     late = client.state is State.IDLE and not client.endpoint.followed  # what it was before
     if client.state not in FOLLOWING_STATES and not late:
         state = State.IDLE if client.state is None else client.state
-        raise ModuleFault(
-            f'module "{client.name}" is {state.name}: it was stopped from outside, or restarted',
-            client.name,
-            state,
-        )
+        stopped = f'module "{client.name}" is {state.name}: it was stopped from outside, or restarted'
+        raise ModuleFault(stopped, client.name, state)
 
 
 def require_plausible(name: str, before: Received | None, received: Received) -> None:

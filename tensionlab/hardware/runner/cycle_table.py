@@ -168,11 +168,6 @@ def labels(rig: Rig) -> dict[str, list[str]]:
     }
 
 
-def sizes(rig: Rig) -> dict[str, int]:
-    """Return the lengths of the columns' dimensions."""
-    return {dim: len(names) for dim, names in labels(rig).items()}
-
-
 def schema() -> dict[str, Any]:
     """Return the JSON schema of a cycle.
 
@@ -252,7 +247,7 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     A KeyError, TypeError, ValueError, OverflowError or RecursionError if one is no cycle of this rig.
     """
     parsed = [json.loads(row) for row in rows]
-    length, table = sizes(rig), {}
+    length, table = {dim: len(names) for dim, names in labels(rig).items()}, {}
     for name, column in COLUMNS.items():
         values = np.array([row[name] for row in parsed], dtype=TYPES[name])
         if values.dtype.kind == "f" and (np.abs(values[np.isfinite(values)]) >= MAX_MAGNITUDE).any():

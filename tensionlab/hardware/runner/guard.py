@@ -94,12 +94,9 @@ class Derating:
         """Refuse, by a `ModuleFault`, a module that is too hot to bear even its lower limit."""
         lower = self.lower[index]
         if bearable < lower:
-            raise ModuleFault(
-                f'module "{self._names[index]}" is too hot: it bears {bearable:.2f} N, less than '
-                f"its lower limit of {lower:g} N; lower the rig's limit, or let it cool",
-                self._names[index],
-                Limit.THERMAL,
-            )
+            name, limit = self._names[index], f"its lower limit of {lower:g} N"
+            hot = f'module "{name}" is too hot: it bears {bearable:.2f} N, less than {limit}; let it cool'
+            raise ModuleFault(hot, name, Limit.THERMAL)
 
 
 # Speed of a cable below which its friction is not compensated, in m/s; from twice that speed on all of it is. At

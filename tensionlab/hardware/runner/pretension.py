@@ -44,6 +44,8 @@ MAX_PLACE_ERROR_M = 0.5  # largest error of a position that is given in place of
 # Where the other lengths fit a pose better than this, the one that was left out explains why all fit none.
 MAX_UNCERTAINTY_M = 0.01
 WITHOUT_LENGTHS = "Or say where it is by `--at X Y Z`, in Python a tracker: then a run needs no lengths"
+NOT_AT_REST = f"the cables have not come to rest within {MAX_PRETENSION_S:g} s"
+HOLD_STILL = "see that all are hooked on and free, and hold the platform still"
 SLACK = "Cables are slack, caught, or off their hooks: pull at each"
 MEANINGS = {
     "long": "A cable is too long where it is slack or caught: pull at it, and see its spool turn",
@@ -94,11 +96,8 @@ def take_up_slack(
                 raise HardwareError(explain_lengths(rig, tracker, lengths, active))
         if speeds is not None and now - began > MAX_PRETENSION_S:
             moving = [f'"{rig.modules[index].name}"' for index in np.flatnonzero(active & (speeds < -REST_M_S))]
-            raise HardwareError(
-                f"the cables have not come to rest within {MAX_PRETENSION_S:g} s (module "
-                f"{', '.join(moving) or 'none'} still reels in): see that all are hooked on and free, and hold "
-                "the platform still until the run begins"
-            )
+            still = f"module {', '.join(moving) or 'none'} still reels in"
+            raise HardwareError(f"{NOT_AT_REST} ({still}): {HOLD_STILL} until the run begins")
 
 
 class CableSpeeds:
@@ -159,11 +158,10 @@ def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, a
     loose = active & (speeds < -TAKE_UP_M_S) & (lengths < shortest)
     if loose.any():
         index = int(np.argmin(np.where(loose, speeds, np.inf)))
-        raise HardwareError(
-            f'the cable of module "{rig.modules[index].name}" is loose: it has been reeled in to '
-            f"{max(lengths[index], 0.0):.2f} m, and would be {shortest[index]:.2f} m or more if it held the "
-            "platform. See that no one is in its way, hook it on, and start again"
-        )
+        length = f"{max(lengths[index], 0.0):.2f} m, where {shortest[index]:.2f} m or more would hold the platform"
+        why = f"is loose: it was reeled in to {length}"
+        advice = "See that no one is in its way, hook it on, and start again"
+        raise HardwareError(f'the cable of module "{rig.modules[index].name}" {why}. {advice}')
 
 
 def _shortest(

@@ -138,9 +138,7 @@ def _require_oscillation(keys: Mapping[str, Any], rig: Rig, rate: float, here: s
         raise HardwareError(f"{here}: amplitude is {brief(amplitude)}; this rig takes {rig.n} components")
     highest = max(keys.get(key, 0.0) for key in ("frequency", "begin", "end"))
     if highest >= rate / 2.0:
-        raise HardwareError(
-            f"{here}: {highest:g} Hz is not below half the rate of the run, {rate:g} Hz; change one"
-        )
+        raise HardwareError(f"{here}: {highest:g} Hz is not below half the rate of the run, {rate:g} Hz")
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:

@@ -62,9 +62,8 @@ class PoseTracker:
             why = f"{rig.m} cables do not fix {rig.n} unknowns"
             if rig.frames:
                 why = f"modules are attached to {', '.join(rig.frames)}"
-            raise HardwareError(
-                f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or --at'
-            )
+            advice = "cable lengths do not tell where it is; give a tracker, or --at"
+            raise HardwareError(f'rig "{rig.name}": {why}, so {advice}')
         self._rig = rig
         self.error, self.worst, self.off = math.inf, 0, 0.0
         self._structure: Floats = rig.structure_matrix(rig.home)

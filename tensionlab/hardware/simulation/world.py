@@ -58,15 +58,11 @@ def simulated_module(
     """
     longest, strongest = PARAMETERS["length_upper"].upper, PARAMETERS["tension_upper"].upper
     if length > longest:
-        raise HardwareError(
-            f'module "{module.name}": its cable would be {length:.4g} m long, and a module takes {longest:g} m at '
-            "most; move the pose or the anchor"
-        )
+        long = f"its cable would be {length:.4g} m long, and a module takes {longest:g} m at most"
+        raise HardwareError(f'module "{module.name}": {long}; move the pose or the anchor')
     if module.upper > strongest:
-        raise HardwareError(
-            f'module "{module.name}": its upper limit is {module.upper:g} N, and a module pulls with '
-            f"{strongest:g} N at most; give the rig lower limits, or make a smaller one to simulate"
-        )
+        strong = f"its upper limit is {module.upper:g} N, and a module pulls with {strongest:g} N at most"
+        raise HardwareError(f'module "{module.name}": {strong}; give the rig lower limits to simulate it')
     built = plant_parameters(module)
     if module.cable_stiffness is not None:
         built["stiffness"] = min(module.cable_stiffness / length, MAX_CABLE_STIFFNESS_N_M)

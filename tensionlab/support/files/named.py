@@ -53,9 +53,7 @@ def find(word: str | PathLike[str], kind: str, error: type[TensionlabError]) -> 
     if not is_path(word, suffix):
         if word not in (known := list_names(kind)):
             if os.path.exists(f"{word}{suffix}"):  # noqa: PTH110 - takes what no system does
-                raise error(
-                    f"no {what} that comes with tensionlab is called {word!r}; for the file give {word}{suffix}"
-                )
+                raise error(f"no {what} of tensionlab is called {word!r}; for the file give {word}{suffix}")
             advice = suggest(str(word), known, f"`tensionlab datasets {kind}` lists them.")
             raise error(f"no {what} is called {brief(word)}; {advice} A path ends in {suffix} or has a '/'")
         return datasets_folder() / kind / f"{word}{suffix}"

@@ -46,9 +46,7 @@ def datasets_folder() -> Path:
     for folder in DATASETS_FOLDERS:
         if (folder / CHECKSUMS).is_file():
             return folder
-    raise DataError(
-        f"{DATASETS_FOLDERS[0]}: the data sets are not here; install tensionlab again, or give a folder"
-    )
+    raise DataError(f"{DATASETS_FOLDERS[0]}: the data sets are not here; install tensionlab again")
 
 
 def get_include() -> str:

@@ -108,14 +108,16 @@ def check_columns(
         if names.count(name) > 1:
             raise error(f'{source}: column "{name}" is there twice; there must be {", ".join(needed)}')
         if name in needed and name not in names:
-            there = ", ".join(names[:20]) or "none"
-            raise error(
-                f'{source}: column "{name}" is missing; there must be {", ".join(needed)}, there are {there:.100}'
-            )
+            raise error(f"{missing_column(name, names, source)}; there must be {', '.join(needed)}")
     known = [*needed, *optional]
     for name in names:
         if name not in known:
             raise error(f'{source}: unknown column "{name:.40}"; there may be {", ".join(known)}')
+
+
+def missing_column(name: str, names: Sequence[str], source: str) -> str:
+    """Return that a column is missing, and which there are."""
+    return f'{source}: column "{name:.40}" is missing; there are {", ".join(names[:20]) or "none":.100}'
 
 
 class ParquetTable(NamedTuple):
@@ -149,14 +151,12 @@ class ParquetTable(NamedTuple):
         values: list[Any] = self.columns[name].to_pylist()
         for number, value in enumerate(values, start=1):
             if not isinstance(value, kind):
-                raise error(
-                    f'{self.source}: column "{name:.40}", row {number}: {brief(value)} is no {kind.__name__}'
-                )
+                wrong = f"row {number}: {brief(value)} is no {kind.__name__}"
+                raise error(f'{self.source}: column "{name:.40}", {wrong}')
         return values
 
     def _missing(self, name: str, error: type[TensionlabError]) -> TensionlabError:
-        there = ", ".join(self.columns.column_names[:20]) or "none"
-        return error(f'{self.source}: column "{name:.40}" is missing; there are {there:.100}')
+        return error(missing_column(name, self.columns.column_names, self.source))
 
 
 def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:

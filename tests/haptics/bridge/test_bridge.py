@@ -276,7 +276,7 @@ def test_a_client_without_the_token_is_refused(serve, tmp_path):
 def test_a_token_is_needed_beyond_this_machine(serve, run, monkeypatch):
     status, _, err = run("serve", RIG, "--host", "0.0.0.0", "--port", 0)
     assert status == 2
-    assert "give a token that clients must know" in err
+    assert "give a token" in err
     monkeypatch.setenv("TENSIONLAB_BRIDGE_TOKEN", "secret")
     with serve("--host", "0.0.0.0", "--osc", 0) as bridge:
         with pytest.raises(InvalidStatus):

@@ -121,7 +121,7 @@ def test_a_wall_is_placed_over_osc_by_names_with_dots(box, door):
     assert box.effects["crate"].coupling.stiffness == 200.0
     for wrong in (["wall", "plane", 1.0, "plane.point", 0.0, 0.0, 0.0], ["wall", "plane.pint", 0.0]):
         door._take(build_msg("/effect/floor", wrong).dgram, "127.0.0.1", 0.2)
-    assert "'floor': plane.point: plane has a value of its own; give that or its parts" in door.said[0]
+    assert "'floor': plane.point: plane has a value; give that or its parts" in door.said[0]
     assert "plane.pint is an unknown key; did you mean" in door.said[1]
 
 

@@ -84,7 +84,7 @@ def test_directions_of_a_texture_are_compared_after_their_defaults_turned():
     rig = dataclasses.replace(RIG, up="y")
     level = {"kind": "textured", "ripples": {"direction": [0, 0, 1]}}
     assert parse_effect("it", level, rig).wall.plane.normal == (0.0, 1.0, 0.0)
-    with pytest.raises(EffectError, match=r"effect 'it': direction .* is along the wall's normal"):
+    with pytest.raises(EffectError, match=r"effect 'it': .*; give a direction along the surface"):
         parse_effect("it", {"kind": "textured", "ripples": {"direction": [0, 1, 0]}}, rig)
 
 

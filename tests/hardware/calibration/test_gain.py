@@ -172,8 +172,8 @@ def test_a_lost_command_leaves_no_module_armable_that_was_never_calibrated_or_sa
     [
         (0.05, 0.05, r"0.05 kg is too light: hang a mass of 0.07 to 0.28 kg"),
         (0.5, 0.5, r"0.5 kg is too heavy: hang a mass"),
-        (0.1, 0.25, "at 1.97 N its cable does not reel in yet; is the mass heavier than was said"),
-        (0.1, 0.052, "does not pay out yet; is the mass lighter than was said"),
+        (0.1, 0.25, "at 1.97 N its cable does not reel in; is the mass heavier"),
+        (0.1, 0.052, "does not pay out; is the mass lighter"),
     ],
 )
 def test_a_mass_that_does_not_suit_the_module_is_refused_and_the_module_stopped(told, hung, message):

@@ -91,7 +91,7 @@ def test_a_note_that_somebody_removed_or_damaged_is_no_obstacle(locks_folder, mo
 def test_what_cannot_be_locked_is_named(locks_folder):
     locks_folder.mkdir(mode=0o700)
     (file := locks_folder / locks._file_name("COM5")).mkdir()
-    said = "COM5 cannot be locked for this process: "
+    said = "COM5 cannot be locked: "
     with pytest.raises(LinkError, match=rf"^{said}.*\.lock: .*; see that you may"):
         LinkLock("COM5")
     file.rmdir()

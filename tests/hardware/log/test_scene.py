@@ -101,7 +101,7 @@ def test_the_layout_plots_columns_that_a_log_has():
     json.loads(text)
     paths = re.findall(r'"value": "cycle\.(\w+)\[(\d)\]"', text)
     assert len(paths) == text.count('"value"') > 10
-    lengths = cycle_table.sizes(tl.load_rig("cube-8"))
+    lengths = {dim: len(names) for dim, names in cycle_table.labels(tl.load_rig("cube-8")).items()}
     for name, index in paths:
         (dim,) = cycle_table.COLUMNS[name].dims
         assert int(index) < lengths[dim]

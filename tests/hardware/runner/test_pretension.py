@@ -105,7 +105,7 @@ def test_a_cable_that_holds_nothing_is_named_before_anything_is_rendered(name, m
         return Demand(PULL)
 
     runner = Runner(rig, world.group(), "newton", demand, clock=WorldClock(world), tracker=tracker)
-    said = f'cable of module "{rig.modules[1].name}" is loose: it has been reeled in to .* hook it on'
+    said = f'cable of module "{rig.modules[1].name}" is loose: it was reeled in to .* hook it on'
     with pytest.raises(HardwareError, match=said):
         runner.run(1.0)
     assert not rendered

@@ -106,7 +106,7 @@ def test_an_oscillation_fades_in_where_a_step_is_a_ramp_and_leaves_its_mean_to_t
         (SINE.format("[1, 0]", 2.0), r"step 1: amplitude is \[1\.0, 0\.0\]; this rig takes 3 components"),
         (
             SINE.format("[1, 0, 0]", 25.0),
-            "step 1: 25 Hz is not below half the rate of the run, 50 Hz; change one",
+            "step 1: 25 Hz is not below half the rate of the run, 50 Hz",
         ),
         (SINE.format("[1, 0, 0]", 0.0), r"steps\[0\]\.sine\.frequency is 0\.0; give more than 0"),
         (SINE.format("[1, 0, inf]", 2.0), r"sine\.amplitude\[2\] is .*; give a finite number"),
