@@ -6,6 +6,7 @@ Parameters that it leaves out stay as they are.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,22 +15,11 @@ import numpy as np
 
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import (
-    BINARY_PARAMETERS,
-    PARAMETERS,
-    require_value,
-)
+from tensionlab.hardware.protocol.codes import BINARY_PARAMETERS, PARAMETERS, require_value
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.support.files.reading import brief, parse_toml
 from tensionlab.support.registry import suggest
 
-# Parameters that allow others more as they grow.
-UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "winding_limit", "length_upper", "supply_upper"})
-# Parameters that allow others more as they shrink.
-LOWER_BOUNDS = frozenset(
-    {"tension_lower", "length_lower", "supply_lower", "ambient", "winding_resistance", "winding_to_housing",
-     "housing_to_ambient"}
-)  # fmt: skip
 # Parameters whose change makes a module forget its cable's length.
 LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
 COMMENT_COLUMN = 34
@@ -88,22 +78,30 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
 def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> list[Change]:
     """Set the parameters of an idle module, until it is switched off, and return those that changed.
 
-    They are changed in an order in which parameters that bound each other never conflict. If the module refuses
-    one, those before it are changed back, and a `HardwareError` names origin and parameter.
+    Parameters bound each other, so those that a module refuses are tried again after the others. If it still
+    refuses one, the others are changed back, and a `HardwareError` names origin and parameter.
     """
     wanted = checked(values, origin)
     before = {name: found.value for name, found in parameters(client).items()}
     changes = [Change(name, before[name], number) for name, number in wanted.items() if number != before[name]]
-    changes.sort(key=_order)
-    for index, each in enumerate(changes):
+    pending, done = deque(changes), list[Change]()
+    refused = 0  # in a row
+    while pending:
+        each = pending.popleft()
         try:
             client.command(SetParameter(PARAMETERS[each.name].index, each.after))
         except HardwareError as error:
-            for done in reversed(changes[:index]):
+            refused += 1
+            if isinstance(error, ModuleFault) and refused <= len(pending):
+                pending.append(each)
+                continue
+            for change in reversed(done):
                 with suppress(HardwareError):
-                    client.command(SetParameter(PARAMETERS[done.name].index, done.before))
+                    client.command(SetParameter(PARAMETERS[change.name].index, change.before))
             hint = "; does it fit the other limits?" if isinstance(error, ModuleFault) else ""
             raise HardwareError(f"{origin}: {each.name} = {plain(each.after)}: {error}{hint}") from error
+        done.append(each)
+        refused = 0
     return changes
 
 
@@ -120,10 +118,3 @@ def firmware(info: Info) -> str:
 def plain(value: float) -> str:
     """Return a module's 32-bit number in as few digits as give it back."""
     return str(np.float32(value))
-
-
-def _order(change: Change) -> int:
-    """Return 0 for a change that allows other parameters more, 2 for one that allows less, else 1."""
-    if change.name not in UPPER_BOUNDS | LOWER_BOUNDS:
-        return 1
-    return 0 if (change.after > change.before) == (change.name in UPPER_BOUNDS) else 2
