@@ -54,12 +54,8 @@ def diagnose(client: ModuleClient, *, move: bool, ask: Callable[[str], None] | N
 
     If it may `move`, its spool turns by up to 20 mm of cable to find the electrical zero, with up to 2 N; then,
     only if nothing was found, it is armed and pulls half a newton more than its minimum tension. `ask` is called
-    with what is to be done before a motion, and returns once it is; if left out, no hand pulls the cable.
-
-    Raises
-    ------
-    HardwareError
-        The module does not answer, or refuses.
+    with what is to be done before a motion, and returns once it is; if left out, no hand pulls the cable. A
+    `HardwareError` if the module does not answer, or refuses.
     """
     found: set[str] = set()
 

@@ -18,12 +18,7 @@ def level_surface(values: Floats, axes: tuple[Floats, ...], level: float) -> Sur
 
     Triangles are seen anticlockwise from outside; the surface closes at the borders of the grid. NaN is below the
     level. Marching cubes: Lewiner, Lopes, Vieira and Tavares, "Efficient implementation of marching cubes' cases
-    with topological guarantees", 2003, in scikit-image.
-
-    Raises
-    ------
-    MissingDependency
-        If scikit-image is not installed.
+    with topological guarantees", 2003, in scikit-image; `MissingDependency` if that is not installed.
     """
     if not (values > level).any():
         return None

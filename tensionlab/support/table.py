@@ -49,22 +49,12 @@ def met_mark(met: bool, words: tuple[str, str] = ("yes", "no")) -> Mark:
 
 @dataclass(frozen=True)
 class Column:
-    """Column of a table.
-
-    Attributes
-    ----------
-    name, unit : str
-        Heading, such as "tension (N)".
-    format : str or callable
-        How numbers are written: a format specification, or a function of the number.
-    wide : bool
-        Whether terminals with fewer than `WIDE` characters in a line leave the column out.
-    """
+    """Column of a table, with a heading such as "tension (N)"."""
 
     name: str
     unit: str = ""
-    format: str | Callable[[Any], str] = ".4g"
-    wide: bool = False
+    format: str | Callable[[Any], str] = ".4g"  # specification, or function of the number
+    wide: bool = False  # whether terminals of fewer than `WIDE` characters leave it out
 
     @property
     def heading(self) -> str:
@@ -87,18 +77,9 @@ class Column:
 class Table:
     """Rows of values under headings, with a title above and notes below.
 
-    Columns of text are left-aligned, columns of numbers right-aligned; empty columns are left out.
-
-    Parameters
-    ----------
-    columns : sequence of Column or str
-        A text is the name of a column without a unit.
-    rows : iterable of sequences
-        Numbers, texts, vectors, truth values, members of `Status`, marks; None where there is no value.
-    title : str or Mark
-    notes : sequence of str
-    legend : mapping of str to str
-        What words mean; text has a note for those that are in a heading or a cell it shows.
+    Columns of text are left-aligned, columns of numbers right-aligned; empty columns are left out. Cells are
+    numbers, texts, vectors, truth values, members of `Status` or marks; None where there is no value. The
+    ``legend`` says what words mean: text has a note for those in a heading or a cell that it shows.
 
     Examples
     --------

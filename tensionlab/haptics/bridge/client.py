@@ -14,12 +14,8 @@ class BridgeClient:
     """Client that commands a bridge. A context manager.
 
     ``url`` is the address that ``tensionlab serve`` prints, such as ``ws://127.0.0.1:8765``. ``welcome`` is the
-    first message of the bridge, ``events`` are those that came between the answers.
-
-    Raises
-    ------
-    HardwareError
-        If the bridge cannot be reached, refuses, or has another version of the messages; says why.
+    first message of the bridge, ``events`` are those that came between the answers. A `HardwareError` says why if
+    the bridge cannot be reached, refuses, or has another version of the messages.
     """
 
     def __init__(self, url: str, token: str | None = None) -> None:

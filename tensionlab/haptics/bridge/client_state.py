@@ -72,14 +72,8 @@ class ClientState:
         """Apply a frame; a refused one changes nothing.
 
         The first frame of another client starts afresh: its hand has not moved, and no effects remain. ``now`` is
-        the time of its arrival, in s; without a commander it is from this process.
-
-        Raises
-        ------
-        FrameRefused
-            The client is not in command, the rig has no such bodies, or the frame's time goes back.
-        EffectError
-            An effect cannot be; names it and its parameter.
+        the time of its arrival, in s; without a commander it is from this process. `FrameRefused` if the client is
+        not in command, the rig has no such bodies, or time goes back; `EffectError` names a wrong parameter.
         """
         _require_in_command(commander)
         self._require_bodies(frame)

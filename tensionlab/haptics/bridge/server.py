@@ -133,14 +133,7 @@ class Bridge:
 
     Frames go to the client state; ``state`` returns the answer to a frame, given its number. It listens at a host
     and port; port 0 takes a free one. ``report`` is called with a line when a client connects, leaves or is
-    refused, from any thread.
-
-    Raises
-    ------
-    HardwareError
-        If it cannot listen there, or beyond this machine without a token.
-    MissingDependency
-        If websockets is not installed.
+    refused, from any thread. A `HardwareError` if it cannot listen there, or beyond this machine without a token.
     """
 
     def __init__(

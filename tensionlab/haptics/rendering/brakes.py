@@ -10,14 +10,12 @@ plus a share of F per lock.
   `tensionlab.solvers`, with the brakes' strength as upper limit in L. The motors pull as much of it as they can.
 - The force of a brake exists only while the user pushes. It is reported apart from the motors' tensions.
 
-If the motors alone render the force, nothing is locked. The rule and its numbers are this project's own. A
-`brake_map` is the choice for many walls.
+If the motors alone render the force, nothing is locked. A `brake_map` is the choice for many walls.
 
 A brake takes time to lock and its teeth leave slack, so it is locked before the wall is reached; the faster the
 approach, the earlier. A fast body is not stopped at all: the force on it would be too large. Brakes stay locked
-until the hand has withdrawn by some millimetres, so that a hand at rest does not make them chatter.
-
-All numbers are this project's defaults, not published ones.
+until the hand has withdrawn by some millimetres, so that a hand at rest does not make them chatter. The rule and
+its numbers are this project's own.
 """
 
 from __future__ import annotations

@@ -133,14 +133,8 @@ class ModuleClient:
     def command(self, command: Message, tries: tuple[float, ...] = ()) -> None:
         """Send a command and wait until it is acknowledged, for ``tries`` in s.
 
-        Raises
-        ------
-        ModuleFault
-            The module refuses; the code says why.
-        LinkTimeout, LinkError
-            It does not answer; the link broke.
-        ProtocolError
-            The module speaks another protocol, or its answer is invalid.
+        A `ModuleFault` if the module refuses, with the code why; a `LinkTimeout` if it does not answer, a
+        `LinkError` if the link broke; a `ProtocolError` if its answer is invalid, or of another protocol.
         """
         self.request(command, Acknowledge, tries)
 

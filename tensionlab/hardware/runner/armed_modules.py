@@ -52,15 +52,6 @@ class ArmedModules:
     It is made when the group has been prepared. A module that is silent for the time to live of set-points is
     lost, and so is one that follows older ones for that long; one that is lost does not come back. After a cycle
     that came late, by a busy computer or a slow solver, modules have that time to be heard again.
-
-    Attributes
-    ----------
-    active : (m,) array of bool
-        Modules that take part; it changes as modules are lost.
-    complete : bool
-        Whether all modules take part.
-    tensions : (m,) array
-        Those that the cables are to have by the latest set-points, in N; at first the minimum tensions.
     """
 
     def __init__(
@@ -76,10 +67,11 @@ class ArmedModules:
         self._settings, self._clock = settings, clock
         self._statistics, self._note = statistics, note
         self.names = [client.name for client in group.clients]
-        self.active: Flags = np.ones(rig.m, dtype=bool)
-        self.complete = True
+        self.active: Flags = np.ones(rig.m, dtype=bool)  # modules that take part
+        self.complete = True  # whether all do
         minimum = np.array([info.tension_lower for info in group.infos])
-        self.tensions = np.minimum(minimum, rig.limits.lower)  # equal, but for single precision, or below
+        # By the latest set-points, in N; at first equal, but for single precision, or below.
+        self.tensions = np.minimum(minimum, rig.limits.lower)
         self._max_change = min(group.slews) / settings.rate  # of a tension from one cycle to the next, in N
         self._within_rates = RateLimitedAllocator(rig.limits, min(group.slews), 1.0 / settings.rate)
         self._derating = Derating(rig.limits, self.names)
