@@ -27,19 +27,17 @@ bench = Verbs()
 def run(
     context: typer.Context,
     sets: Annotated[
-        list[str] | None, option("A,B,...", "Problem sets, or files; all if left out.", "--set")
+        list[str] | None, option("A,B,...", "Problem sets or files; all if left out.", "--set")
     ] = None,
     solvers: Annotated[
         list[str] | None,
-        option("A,B,...", "Solvers and baselines, such as newton,daqp,qpsolvers:osqp; all if left out."),
+        option("A,B,...", "Solvers and baselines, such as newton,qpsolvers:osqp; all if left out."),
     ] = None,
     count: Annotated[int | None, option("N", "Problems in each set; 1000, or 60 with --quick.", min=1)] = None,
     seed: options.Seed = 0,
     out: Annotated[
         Path | None,
-        options.writes_folder(
-            "Folder for the results, made if it is not there; left out: a table alone.", parents=True
-        ),
+        options.writes_folder("Folder for the results; left out: a table alone.", parents=True),
     ] = None,
     quick: Annotated[bool, flag("--quick", "Two minutes instead of twenty.")] = False,
     json: Json = False,

@@ -16,23 +16,17 @@ def compare(
     at: options.At = None,
     magnitude: Annotated[
         float | None,
-        option(
-            "NEWTON",
-            "Size of each force in N. Left out: the radius of a required ball, the platform's weight, or 1.5.",
-        ),
+        option("NEWTON", "Size of each force. Left out: a required ball's radius, the weight, or 1.5 N."),
     ] = None,
     directions: Annotated[
         str | None,
         option(
-            "SET",
-            "Directions of the forces: grid18, fibonacci:N or FILE.csv (x, y, z); in a plane, circle:N. Left out: "
-            "grid18 or circle:72.",
+            "SET", "Directions: grid18, fibonacci:N or FILE.csv (x, y, z); in a plane, circle:N, 72 if left out."
         ),
     ] = None,
     solvers: options.Solvers = None,
     policy: Annotated[
-        str | None,
-        option("POLICY", "Only this policy for infeasible wrenches: force, tension, direction; all if left out."),
+        str | None, option("POLICY", "Only this policy for infeasible wrenches: force, tension, direction.")
     ] = None,
     wrench: options.Wrench = None,
     gravity: options.Gravity = None,

@@ -29,18 +29,14 @@ def search(
     out: Annotated[
         Path | None,
         options.writes(
-            "Write the rig here; for several numbers of modules, one file each: RIG-4.toml, ...",
-            ".toml",
-            metavar="RIG",
+            "Write the rig here; of several numbers of modules, RIG-4.toml, ...", ".toml", metavar="RIG"
         ),
     ] = None,
     wrench: options.Wrench = None,
     gravity: options.Gravity = None,
     required: options.Required = None,
     seed: Annotated[int | None, option("N", "Seed in place of the file's.", min=0)] = None,
-    certify: Annotated[
-        bool, flag("--certify", "Prove what the layouts render everywhere in the target, not at its points alone.")
-    ] = False,
+    certify: Annotated[bool, flag("--certify", "Prove what the layouts render everywhere in the target.")] = False,
     plot: options.Plot = None,
     json: Json = False,
 ) -> None:

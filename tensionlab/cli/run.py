@@ -50,21 +50,15 @@ def run(
     ttl: Annotated[
         float,
         option(
-            "S",
-            "Time to live of a set-point in a module, in s; a module that is silent for longer is lost.",
-            callback=options.require_positive,
+            "S", "Time to live of a set-point, and longest silence of a module.", callback=options.require_positive
         ),
     ] = 0.25,
     rate_limited: Annotated[
-        bool,
-        flag("--rate-limited", "Only tensions that the modules reach within a cycle, in place of the solver's."),
+        bool, flag("--rate-limited", "Only tensions that modules reach within a cycle, in place of the solver's.")
     ] = False,
     real_time: Annotated[
         int | None,
-        option(
-            "PROCESSOR",
-            "Bind the run to a processor, with SCHED_FIFO and locked memory, as far as the system allows.",
-        ),
+        option("PROCESSOR", "Bind the run to a processor, with SCHED_FIFO and locked memory, if allowed."),
     ] = None,
     seconds: options.Duration = None,
     on_loss: Annotated[
@@ -74,8 +68,7 @@ def run(
     lsl: options.Lsl = False,
     view: options.View = False,
     require_fidelity: Annotated[
-        bool,
-        flag("--require-fidelity", "Exit status 1 where a person would notice that the force is not as desired."),
+        bool, flag("--require-fidelity", "Exit status 1 where a person would notice a wrong force.")
     ] = False,
     json: Json = False,
 ) -> None:

@@ -46,26 +46,22 @@ def scenario(
         str | None,
         option(
             "RIG",
-            "Rig in place of the scenario's own, a name or a file (TOML). The scenario is turned to its axes.",
+            "Rig in place of the scenario's, to whose axes it is turned: a name or a file (TOML).",
             autocompletion=options.complete(lambda: list_names("rigs")),
         ),
     ] = None,
     at: Annotated[
-        str | None,
-        option("X Y Z", "Where the hand starts, in m, in the rig's axes; with --facing alone, the rig's home."),
+        str | None, option("X Y Z", "Start of the hand in m, in the rig's axes; with --facing alone, home.")
     ] = None,
     facing: Annotated[
-        str | None,
-        option("X Y Z", "Where the person faces, in the rig's axes; with --at alone, as the scenario does."),
+        str | None, option("X Y Z", "Direction of the person, in the rig's axes; with --at alone, the scenario's.")
     ] = None,
     modules: options.Modules = None,
     solver: options.Solver = "newton",
     seconds: options.Duration = None,
     osc: Annotated[
         int | None,
-        port_option(
-            "With --modules: UDP port of OSC for positions of hand and bodies, /body/NAME x y z.", least=1
-        ),
+        port_option("With --modules: UDP port of OSC for positions of bodies, /body/NAME x y z.", least=1),
     ] = None,
     log: options.Log = None,
     lsl: options.Lsl = False,

@@ -48,8 +48,7 @@ def serve(
         str | None,
         option(
             "NAME",
-            "Play a scenario, over and over: hand and bodies are where the client says, and its effects replace "
-            "those of the scenario with the same names.",
+            "Repeat a scenario, with the client's bodies, and its effects in place of those with the same names.",
             autocompletion=options.complete(lambda: SCENARIOS),
         ),
     ] = None,
@@ -62,10 +61,7 @@ def serve(
     seconds: options.Duration = None,
     host: Annotated[
         str,
-        option(
-            "HOST",
-            f"Address to listen at. Others than this computer need a token: --token-file or {TOKEN_VARIABLE}.",
-        ),
+        option("HOST", f"Address to listen at. Other computers need a token: --token-file or {TOKEN_VARIABLE}."),
     ] = "127.0.0.1",
     port: Annotated[int, port_option("Port of the WebSocket; 0 takes a free one.")] = 8765,
     osc: Annotated[int | None, port_option("Also listen for OSC at this UDP port.")] = None,
@@ -74,11 +70,7 @@ def serve(
     ] = "127.0.0.1",
     token_file: Annotated[
         Path | None,
-        option(
-            "FILE",
-            "File with the token that clients have to send. There is no option for the token itself, because "
-            "others on this computer can read command lines.",
-        ),
+        option("FILE", "File with the token of clients: others on this computer can read command lines."),
     ] = None,
     page: Annotated[list[str] | None, option("ORIGIN", "A web page that may connect; may be repeated.")] = None,
     log: options.Log = None,

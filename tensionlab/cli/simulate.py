@@ -35,16 +35,12 @@ def simulate(
     latency_ms: Annotated[float, option("MS", "Delay of bytes, one way.", min=0, max=60_000)] = 0.0,
     jitter_ms: Annotated[float, option("MS", "Largest random delay added to it.", min=0, max=60_000)] = 0.0,
     drop_pct: Annotated[float, option("PCT", "Per cent of the bytes that are lost.", min=0, max=100)] = 0.0,
-    corrupt_pct: Annotated[
-        float, option("PCT", "Per cent of the bytes with a bit flipped.", min=0, max=100)
-    ] = 0.0,
+    corrupt_pct: Annotated[float, option("PCT", "Per cent of bytes with a flipped bit.", min=0, max=100)] = 0.0,
     fault: Annotated[
-        list[str] | None,
-        option("PART@TIME", "Fault of all modules, encoder@2s, or of one, floor-1:cable@800ms; may be repeated."),
+        list[str] | None, option("PART@TIME", "Fault of all modules, encoder@2s, or of one, floor-1:cable@800ms.")
     ] = None,
     sensor: Annotated[
-        int | None,
-        port_option("Also serve a force sensor at this TCP port, in a hand that `characterise` moves."),
+        int | None, port_option("Also serve a force sensor at this TCP port, in a hand that `characterise` moves.")
     ] = None,
     only: Annotated[list[str] | None, option("NAME", "Only these modules of the rig; may be repeated.")] = None,
 ) -> None:

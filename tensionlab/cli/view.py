@@ -24,9 +24,7 @@ def view(
     live: Annotated[bool, flag("--live", "Show the run in progress, and a button that stops it.")] = False,
     port: options.PagePort = 0,
     browser: options.Browser = True,
-    host: Annotated[
-        str, option("HOST", "Address to listen at. Browsers need the token that the page's address has.")
-    ] = "127.0.0.1",
+    host: Annotated[str, option("HOST", "Address to listen at. Browsers need the page's token.")] = "127.0.0.1",
 ) -> None:
     """Design a rig in the browser, or watch a run there.
 

@@ -54,7 +54,7 @@ def workspace(
         option(
             "FILE",
             "File of poses in place of a box (.csv, .parquet): x, y, z in m; optional rx, ry, rz in rad, and a "
-            "wrench for each pose that is added to what is required: Fx, Fy, Fz in N, Mx, My, Mz in N·m.",
+            "wrench that is also required there: Fx, Fy, Fz in N, Mx, My, Mz in N·m.",
         ),
     ] = None,
     metrics: Annotated[
@@ -68,9 +68,7 @@ def workspace(
     frames: options.BodyFrames = None,
     out: Annotated[
         str | None,
-        options.writes_folder(
-            "Write all values to this folder, or URL (s3://...); the same command resumes a sweep.", ".zarr"
-        ),
+        options.writes_folder("Write all values to this folder, or URL (s3://...); it resumes a sweep.", ".zarr"),
     ] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,
@@ -196,15 +194,8 @@ def certify(
     acceleration: options.Acceleration = None,
     required: options.Required = None,
     frames: options.BodyFrames = None,
-    loss: Annotated[
-        int,
-        option(
-            "0|1", "1: prove what survives the loss of any one cable, which then has no tension.", min=0, max=1
-        ),
-    ] = 0,
-    gap: Annotated[
-        float, option("SHARE", "Stop when no more than this share of the box is undecided.", min=0.0, max=0.99)
-    ] = 0.0,
+    loss: Annotated[int, option("0|1", "1: prove what survives the loss of any one cable.", min=0, max=1)] = 0,
+    gap: Annotated[float, option("SHARE", "Stop when at most this share is undecided.", min=0.0, max=0.99)] = 0.0,
     out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,

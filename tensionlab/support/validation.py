@@ -88,6 +88,21 @@ def describe(value: object) -> str:
     return "null" if value is None else brief(value)
 
 
+def take_kind(
+    table: object, kinds: Mapping[str, type[Any]], key: str = "kind"
+) -> tuple[type[Any], dict[str, Any]]:
+    """Return the class that a table names by a key, and the rest; `ValueError` if it names none."""
+    known = ", ".join(kinds)
+    if not isinstance(table, Mapping):
+        raise ValueError(f"is {describe(table)}; give {TABLE} with its {key}")
+    if key not in table:
+        raise ValueError(f"{key} is missing; give one of {known}")
+    name = table[key]
+    if not isinstance(name, str) or name not in kinds:
+        raise ValueError(f"{key} is {describe(name)}; give one of {known}")
+    return kinds[name], {other: value for other, value in table.items() if other != key}
+
+
 def explain(error: ValidationError, kind: Any = None, values: object = None) -> str:
     """Return the problems in words, such as ``modules[0] ("left"): lower is 'a'; give a number``.
 

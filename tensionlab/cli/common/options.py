@@ -261,17 +261,13 @@ Seed = Annotated[int, option("N", "Seed of all random numbers.", min=0)]
 At = Annotated[str | None, option("X Y Z", "Position in m; the rig's home if left out.")]
 Rotation = Annotated[
     str | None,
-    option(
-        "RX RY RZ",
-        "Orientation of the platform, axis times angle in rad; in the plane one angle. Left out: as at home.",
-    ),
+    option("RX RY RZ", "Orientation, axis times angle in rad; in the plane one angle. Left out: as at home."),
 ]
 BodyFrames = Annotated[
     list[str] | None,
     option(
         "NAME X Y Z [RX RY RZ]",
-        "Position of a body frame in m, and its rotation, axis times angle in rad; may be repeated. Left out: at "
-        "rest as in the rig's file, or the origin.",
+        "Pose of a body frame, in m and rad; may be repeated. Left out: at rest.",
         "--frame",
     ),
 ]
@@ -284,8 +280,7 @@ Policy = Annotated[
     str | None,
     option(
         "POLICY",
-        "What to render where the wrench is infeasible: the nearest in force, tension or direction. Left out: the "
-        "solver's own choice.",
+        "If the wrench is infeasible, render the nearest in: force, tension, direction. Left out: the solver's.",
     ),
 ]
 Plot = Annotated[Path | None, option("FILE", "Draw to this file (png, pdf, svg).", callback=picture_file)]
@@ -307,24 +302,17 @@ Duration = Annotated[
 ]
 Modules = Annotated[
     str | None,
-    option(
-        "FILE|URL,...",
-        "Modules file, or a link for each module in the rig's order. Left out: modules simulated in this process.",
-    ),
+    option("FILE|URL,...", "Modules file, or a link for each module in order. Left out: simulated modules."),
 ]
 Box = Annotated[
     str | None,
-    option(
-        "X0 X1 Y0 Y1 Z0 Z1",
-        "Box of positions in m; Z0 = Z1 is a plane. Left out: the box around all anchors and homes.",
-    ),
+    option("X0 X1 Y0 Y1 Z0 Z1", "Box of positions in m; Z0 = Z1 is a plane. Left out: around anchors and homes."),
 ]
 Step = Annotated[
     str | None,
     option(
         "STEP",
-        "Distance between positions in m, or longest edge of cells: one, or one for each axis. Left out: "
-        f"{STEPS} steps along the longest edge of the box.",
+        f"Step or cell edge in m: one, or one for each axis. Left out: {STEPS} steps along the longest edge.",
     ),
 ]
 Rotations = Annotated[
@@ -343,16 +331,13 @@ Wrench = Annotated[
 ]
 Gravity = Annotated[
     bool | None,
-    flag(
-        "--gravity/--no-gravity", "Whether the cables hold the platform's weight, too. Left out: as the file says."
-    ),
+    flag("--gravity/--no-gravity", "Whether cables hold the platform's weight, too. Left out: as the file says."),
 ]
 Acceleration = Annotated[
     str | None,
     option(
         "AX AY ...",
-        "Accelerations that the cables also give to the platform: up to so much along each axis in m/s² (and "
-        "rad/s²), or one number for all directions.",
+        "Accelerations that cables also give, along each axis or in all directions, in m/s² (and rad/s²).",
     ),
 ]
 Required = Annotated[

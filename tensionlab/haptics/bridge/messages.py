@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, ProtocolError, TensionlabError
-from tensionlab.support.validation import describe, validate
+from tensionlab.support.validation import take_kind, validate
 
 PROTOCOL = 3  # version of the messages; a `Welcome` has the server's
 MAX_MESSAGE_BYTES = 64 * 1024
@@ -223,13 +222,9 @@ def parse(content: str | bytes) -> Any:
 
 def parse_message(given: object) -> Frame | StopRun:
     """Return the message of a client; `ProtocolError` names the key, and what to give."""
-    kinds: dict[object, type[Frame | StopRun]] = {"frame": Frame, "stop": StopRun}
-    known = '"frame" or "stop"'
-    if not isinstance(given, Mapping):
-        raise ProtocolError(f"a message is {describe(given)}; give an object whose type is {known}")
-    if "type" not in given:
-        raise ProtocolError(f"type is missing; give {known}")
-    kind = given["type"]
-    if not isinstance(kind, str) or kind not in kinds:
-        raise ProtocolError(f"type is {describe(kind)}; give {known}")
-    return validate(kinds[kind], given, ProtocolError)
+    try:
+        kind, _ = take_kind(given, {"frame": Frame, "stop": StopRun}, "type")
+    except ValueError as error:
+        raise ProtocolError(f"the message {error}") from None
+    message: Frame | StopRun = validate(kind, given, ProtocolError)
+    return message

@@ -13,11 +13,10 @@ from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.ambient import Weight
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import require_dimension, vectors
-from tensionlab.haptics.effects.shape import take_kind
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.validation import validate
+from tensionlab.support.validation import take_kind, validate
 
 Z_UP = np.array([0.0, 0.0, 1.0])  # direction up for which the defaults of effects are stated
 

@@ -18,7 +18,7 @@ from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
 from tensionlab.support.arrays import Floats
-from tensionlab.support.validation import TABLE, describe, validate
+from tensionlab.support.validation import take_kind, validate
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 MAX_PROXY_STEPS = 10  # projections per step of the proxy; a slow hand needs two or three
@@ -71,19 +71,6 @@ class Box:
 
 # Solids by the names in files and messages; a sphere if they name none.
 SOLIDS: dict[str, type[Any]] = {"sphere": Sphere, "box": Box}
-
-
-def take_kind(table: object, kinds: Mapping[str, type[Any]]) -> tuple[type[Any], dict[str, Any]]:
-    """Return the class that a table names by its kind, and the rest; `ValueError` if it names none."""
-    if not isinstance(table, Mapping):
-        raise ValueError(f"is {describe(table)}; give {TABLE} with its kind and parameters")
-    known = ", ".join(kinds)
-    if "kind" not in table:
-        raise ValueError(f"kind is missing; give one of {known}")
-    kind = table["kind"]
-    if not isinstance(kind, str) or kind not in kinds:
-        raise ValueError(f"kind is {describe(kind)}; give one of {known}")
-    return kinds[kind], {key: value for key, value in table.items() if key != "kind"}
 
 
 def _parse_solid(value: object) -> object:

@@ -95,8 +95,8 @@ BAD = [
     ('{"type": }', "not JSON: Expecting value"),
     (b"\x00\xff", "not JSON"),
     ("[" * 5000, "not JSON"),
-    ("[1]", "a message is [1]; give an object whose type is"),
-    ('{"type": "dance"}', 'type is \'dance\'; give "frame" or "stop"'),
+    ("[1]", "the message is [1]; give a table"),
+    ('{"type": "dance"}', "the message type is 'dance'; give one of frame, stop"),
     ('{"type": "frame"}', "time is missing"),
     *(
         (f'{{"type": "frame", "time": {rest}}}', said)
