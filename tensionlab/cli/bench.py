@@ -36,8 +36,7 @@ def run(
     count: Annotated[int | None, option("N", "Problems in each set; 1000, or 60 with --quick.", min=1)] = None,
     seed: options.Seed = 0,
     out: Annotated[
-        Path | None,
-        options.writes_folder("Folder for the results; left out: a table alone.", parents=True),
+        Path | None, options.writes_folder("Folder for the results; left out: a table alone.", parents=True)
     ] = None,
     quick: Annotated[bool, flag("--quick", "Two minutes instead of twenty.")] = False,
     json: Json = False,

@@ -8,16 +8,8 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.cli.common import options, output
+from tensionlab.cli.common import options, output, runs
 from tensionlab.cli.common.links import links_of_rig
-from tensionlab.cli.common.runs import (
-    end_run,
-    lsl_streams,
-    print_fidelity,
-    print_required,
-    print_simulated,
-    show_run,
-)
 from tensionlab.cli.common.verbs import Json, option, port_option
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
@@ -88,7 +80,7 @@ def scenario(
     _check(loaded, solver, seconds, modules, osc)
     needs = check_needs(loaded)
     if not json:
-        print_required(loaded.rig)
+        runs.print_required(loaded.rig)
         if loaded.placement:
             output.print_line(loaded.placement)
         output.print_table(findings_table(f'Can {loaded.rig.name} play "{loaded.name}"?', needs))
@@ -99,10 +91,10 @@ def scenario(
         raise typer.Exit(1)
     with ExitStack() as opened, output.progress(loaded.title) as progress:
         if view:
-            show_run()
+            runs.show_run()
         reached = _reach(loaded, modules, osc, opened, paced=view or lsl)
         try:
-            streams = lsl_streams(loaded.rig, solver, loaded.rate, wanted=lsl)
+            streams = runs.lsl_streams(loaded.rig, solver, loaded.rate, wanted=lsl)
             call = ["tensionlab", *sys.argv[1:]]
             played = play(loaded, reached, solver, seconds, log, call, progress, streams)
         except HardwareError as error:
@@ -124,8 +116,8 @@ def scenario(
             )
         else:
             output.print_table(_summary(played))
-            print_fidelity(fidelity)
-    end_run(played.statistics, streams, log)
+            runs.print_fidelity(fidelity)
+    runs.end_run(played.statistics, streams, log)
     if any(each.passed is False for each in fidelity.values()):
         raise typer.Exit(1)
 
@@ -165,7 +157,7 @@ def _reach(
 ) -> ScenarioModules:
     """Open the modules and what tracks hand and bodies; simulated time passes no faster than real if ``paced``."""
     if modules is None:
-        print_simulated()
+        runs.print_simulated()
         reached = simulate_modules(scenario, paced=paced)
         opened.callback(reached.group.close)
         return reached

@@ -180,8 +180,6 @@ def characterise(
             output.print_table(device_report.devices_table(result, devices))
         write_report(writer, out, report, device_report.as_markdown(result, devices))
         writer.write(
-            "measurements",
-            out / name,
-            lambda path: write_parquet(path, device_report.rows(result), manifest),
+            "measurements", out / name, lambda path: write_parquet(path, device_report.rows(result), manifest)
         )
         writer.draw(out / "characterisation.png", "characterisation", result)

@@ -183,9 +183,9 @@ def print_table(table: Table) -> None:
     console().print(styled(table), soft_wrap=True)
 
 
-def print_line(text: str = "", style: str = "") -> None:
+def print_line(text: str = "") -> None:
     """Print a text on one line, however narrow the terminal: paths can be copied from it."""
-    console().print(text, style=style, soft_wrap=True)
+    console().print(text, soft_wrap=True)
 
 
 def print_json(value: Any = None, **keys: Any) -> None:

@@ -13,6 +13,11 @@ SILENCE_S = 5.0  # a client in command loses it after this time without a valid 
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 500.0, 100.0
 BYTES_PER_S, BYTES_AT_ONCE = 1e6, 250e3
 READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1  # share of one processor, and burst, for reading and answering a client
+LIMITS = (
+    (f"a flood: at most {MESSAGES_PER_S:g} messages a second", MESSAGES_PER_S, MESSAGES_AT_ONCE),
+    (f"too many bytes: at most {1e-3 * BYTES_PER_S:g} kB a second", BYTES_PER_S, BYTES_AT_ONCE),
+    (f"too much to read: at most {100 * READ_SHARE:g} % of a processor's time", READ_SHARE, READ_AT_ONCE_S),
+)  # of a client, with the reason of a refusal
 REPORT_S = 5.0  # period in which a line is reported once, and then only counted
 MAX_LINES = 20  # lines in a period
 
@@ -110,31 +115,25 @@ class Budget:
     """Budget of one client: messages, bytes, and processor time of the thread that reads them."""
 
     def __init__(self) -> None:
-        self._messages = LeakyBucket(MESSAGES_PER_S, MESSAGES_AT_ONCE)
-        self._bytes = LeakyBucket(BYTES_PER_S, BYTES_AT_ONCE)
-        self._reading = LeakyBucket(READ_SHARE, READ_AT_ONCE_S)
+        self._buckets = {reason: LeakyBucket(*limit) for reason, *limit in LIMITS}
 
     def refuse(self, size: int, now: float) -> str:
         """Count a message by its bytes; return why it must not be read, or an empty string."""
-        self._messages.add(1.0, now)
-        self._bytes.add(float(size), now)
-        self._reading.add(0.0, now)
-        if self._messages.full:
-            return f"a flood: at most {MESSAGES_PER_S:g} messages a second"
-        if self._bytes.full:
-            return f"too many bytes: at most {1e-3 * BYTES_PER_S:g} kB a second"
-        if self._reading.full:
-            return f"too much to read: at most {100 * READ_SHARE:g} % of a processor's time"
-        return ""
+        self._add((1.0, float(size), 0.0), now)
+        return next((reason for reason, bucket in self._buckets.items() if bucket.full), "")
 
     @property
     def calm(self) -> bool:
         """Whether the client has recently used less than half of its budget."""
-        return self._messages.calm and self._bytes.calm and self._reading.calm
+        return all(bucket.calm for bucket in self._buckets.values())
 
     def add_reading(self, seconds: float, now: float) -> None:
         """Count the processor time of a message."""
-        self._reading.add(seconds, now)
+        self._add((0.0, 0.0, seconds), now)
+
+    def _add(self, amounts: tuple[float, float, float], now: float) -> None:
+        for bucket, amount in zip(self._buckets.values(), amounts, strict=True):
+            bucket.add(amount, now)
 
 
 class LimitedReport:

@@ -33,14 +33,7 @@ from tensionlab.haptics.bridge.messages import (
     parse_message,
     refusal_reason,
 )
-from tensionlab.support.access import (
-    LOCAL_PAGES,
-    LOOPBACK,
-    Header,
-    knows_token,
-    loaded_by_other_page,
-    names_this_machine,
-)
+from tensionlab.support import access
 from tensionlab.support.files.reading import brief
 from tensionlab.support.operating_system import opened_by_other_user
 
@@ -84,7 +77,7 @@ class Admission:
     pages: tuple[str, ...] = ()  # origins of web pages, besides those of this machine, that may connect
     schema: str = ""  # JSON Schema of the messages
 
-    def refuse(self, target: str, values: Header, clients: int) -> tuple[HTTPStatus, str] | None:
+    def refuse(self, target: str, values: access.Header, clients: int) -> tuple[HTTPStatus, str] | None:
         """Return why a request is refused; None if it is not.
 
         Without a token, a page must be of this machine and must call it by its own name: another page can neither
@@ -92,15 +85,15 @@ class Admission:
         returns the values of a header, ``clients`` is the number of connections.
         """
         for origin in values("Origin"):
-            if not LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
+            if not access.LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
                 problem = f"pages of {brief(origin)} may not connect, unless it is given to --page"
                 return HTTPStatus.FORBIDDEN, problem
-        if loaded_by_other_page(values):
+        if access.loaded_by_other_page(values):
             return HTTPStatus.FORBIDDEN, "other pages may not load this; open it by its address"
         if self.token is not None:
-            if not knows_token(target, values, self.token):
+            if not access.knows_token(target, values, self.token):
                 return HTTPStatus.UNAUTHORIZED, "the token is missing or wrong"
-        elif not names_this_machine(values):
+        elif not access.names_this_machine(values):
             problem = f"the host {brief(''.join(values('Host')))} is not this machine; connect to 127.0.0.1"
             return HTTPStatus.FORBIDDEN, f"{problem}, or serve with a token"
         known = (PAGE_PATH, COMMAND_PATH, EVENTS_PATH, STATE_PATH, SCHEMA_PATH)
@@ -150,7 +143,7 @@ class Bridge:
             from websockets.exceptions import ConnectionClosed
         self._closed = ConnectionClosed  # raised when a client has gone
         self._admission = admission or Admission()
-        if host not in LOOPBACK and not self._admission.token:
+        if host not in access.LOOPBACK and not self._admission.token:
             raise HardwareError(f"the bridge would be open to others at {host}; give a token (--token-file)")
         self._client, self._welcome, self._state = client, welcome, state
         self._host, self._port, self._report = host, port, report

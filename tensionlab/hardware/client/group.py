@@ -13,12 +13,7 @@ from numpy.typing import NDArray
 from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.links import Link, not_taken
-from tensionlab.hardware.client.module import (
-    PATIENT_TIMEOUTS_S,
-    AnswerType,
-    ModuleClient,
-    require_ready,
-)
+from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, AnswerType, ModuleClient, require_ready
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETERS, Limit, State
 from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Stop

@@ -135,11 +135,7 @@ class World:
         self._delayed: list[ModuleClient] = []  # clients whose bytes arrive when they are due, not once a cycle
         self.modules = tuple(
             simulated_module(
-                module,
-                length,
-                serial_number=index + 1,
-                seed=seed + index,
-                plant=(plants or {}).get(module.name),
+                module, length, serial_number=index + 1, seed=seed + index, plant=(plants or {}).get(module.name)
             )
             for index, (module, length) in enumerate(zip(rig.modules, self._lengths().tolist(), strict=True))
         )

@@ -38,7 +38,7 @@ REFUSED = {
     "Bow: valley": lambda: Bow(valley=1.0),
     "shots are": lambda: Recoil(shots=(1.0, 0.5)),
     "Wall: stiffness is -1.0": lambda: Wall(stiffness=-1.0),
-    "along the wall's normal": lambda: Texture(ripples=Ripples(direction=(0.0, 0.0, 1.0))),
+    "give a direction along the surface": lambda: Texture(ripples=Ripples(direction=(0.0, 0.0, 1.0))),
     "Friction: dynamic is 0.3, above static": lambda: Friction(static=0.2, dynamic=0.3),
 }
 
