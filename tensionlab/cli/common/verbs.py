@@ -10,6 +10,8 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from tensionlab.support.formatting import keep_together
+
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 FORMATTER: Any = typer.Context.formatter_class
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -34,12 +36,26 @@ Json = Annotated[bool, flag("--json", "Print JSON instead of a table.")]
 
 
 class HelpFormatter(FORMATTER):  # type: ignore[misc]  # its class is not public
-    """Writer of help without the types of arguments."""
+    """Writer of help whose lines end between words, without the types of arguments."""
+
+    def write_text(self, text: str) -> None:
+        """Write a paragraph."""
+        write = super().write_text
+        write(_keep_words(text))
 
     def write_dl(self, rows: Any, *widths: Any, **more: Any) -> None:
         """Write names with what they mean."""
-        shown = [(re.sub(r" <(str|path|list\[\w+\])>$", "", name), text) for name, text in rows]
+        shown = [(re.sub(r" <(str|path|list\[\w+\])>$", "", name), _keep_words(text)) for name, text in rows]
         super().write_dl(shown, *widths, **more)
+
+    def getvalue(self) -> str:
+        """Return the help."""
+        text: str = super().getvalue()
+        return text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NON-BREAKING HYPHEN}", "-")
+
+
+def _keep_words(text: str) -> str:
+    return re.sub(r"(?<=\S)-(?=\S)", "\N{NON-BREAKING HYPHEN}", keep_together(text))
 
 
 class HelpContext(typer.Context):
