@@ -182,7 +182,6 @@ def until(event):
     return found
 
 
-@pytest.mark.realtime  # a signal to a process
 @pytest.mark.skipif(sys.platform != "linux", reason="what a process has loaded is listed in /proc")
 def test_ctrl_c_ends_a_benchmark_with_one_line(tmp_path):
     with process(command("bench", "--out", tmp_path / "new"), preexec_fn=heeding_ctrl_c) as running:

@@ -58,7 +58,6 @@ def pull(client, tension=1.0, ttl_ms=2000):
     client.send(SetTension(7, tension, ttl_ms=ttl_ms))
 
 
-@pytest.mark.realtime  # modules in another process, over real TCP
 def test_over_tcp_every_module_of_a_rig_answers_at_its_link(run, tmp_path):
     file = tmp_path / "modules.toml"
     with simulated(RIG, "--modules", file) as (links, _):
@@ -72,7 +71,6 @@ def test_over_tcp_every_module_of_a_rig_answers_at_its_link(run, tmp_path):
         assert all(info["calibrated"] for info in found)
 
 
-@pytest.mark.realtime  # signals to a process
 @pytest.mark.parametrize(("how", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_it_ends_well_and_its_clients_see_it(how, status):
     with simulated(RIG) as (links, process), connected(links["top"]) as client:

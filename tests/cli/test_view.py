@@ -60,7 +60,6 @@ def test_a_page_that_cannot_be_opened_is_said_before_anything_pulls(words, run, 
     assert "the view cannot be opened: it is raining" in err
 
 
-@pytest.mark.realtime  # a process
 @pytest.mark.parametrize(
     ("script", "reason"),
     [('echo \'{"error": "no viser"}\'', "no viser"), ("exit 3", "its process has ended at once")],

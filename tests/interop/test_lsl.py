@@ -146,7 +146,6 @@ def test_an_error_of_the_network_does_not_reach_the_run(monkeypatch):
     assert streams.error == "RuntimeError: the network is gone"
 
 
-@pytest.mark.realtime  # a run in another process
 def test_phases_of_a_scenario_are_markers_in_order():
     with process("scenario", "materials", "--lsl", "--seconds", "3.2") as running:
         markers = inlet(f"{load_scenario('materials').rig.name} markers")

@@ -101,7 +101,6 @@ def test_a_file_elsewhere_is_refused(point, path, tmp_path):
 
 @pytest.mark.slow
 @needs_browser
-@pytest.mark.realtime  # a real browser
 def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch, browser):
     monkeypatch.chdir(tmp_path)
     with served() as page:
@@ -168,7 +167,6 @@ def test_browsers_with_the_token_show_one_state_and_one_that_is_closed_harms_not
         assert page.state.position.tolist() == page.state.rig.home.tolist()
 
 
-@pytest.mark.realtime  # a process and a signal
 def test_ctrl_c_ends_the_command_with_one_line():
     import signal
 

@@ -47,7 +47,6 @@ def until(wanted, act):
     return answer
 
 
-@pytest.mark.realtime  # the example is a program
 def test_the_python_example_runs(bridge):
     words = [sys.executable, ROOT / "examples/bridge/client.py", bridge, "0.5"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=HANGS_S, check=False)
@@ -64,7 +63,6 @@ def heard(watch, *kinds):
     return found
 
 
-@pytest.mark.realtime  # a client is killed with -9
 def test_a_client_that_is_killed_leaves_no_force_behind(bridge):
     words = [sys.executable, ROOT / "examples/bridge/client.py", bridge, HANGS_S]
     with (
@@ -77,7 +75,6 @@ def test_a_client_that_is_killed_leaves_no_force_behind(bridge):
         heard(watch, "silent")  # how soon: test_bridge.py
 
 
-@pytest.mark.realtime  # the example is a program, and OSC a thread in another process
 def test_the_osc_example_places_a_floor_and_a_stop_ends_the_run():
     with served("--osc", 0) as (url, running):
         port = int(running.stdout.readline().split()[-1])
@@ -93,7 +90,6 @@ def test_the_osc_example_places_a_floor_and_a_stop_ends_the_run():
         assert running.wait(HANGS_S) == 0
 
 
-@pytest.mark.realtime  # a signal ends a process
 def test_ctrl_c_ends_the_run():
     with served() as (url, running):
         with connect(f"{url}/events", compression=None) as watch:
@@ -105,7 +101,6 @@ def test_ctrl_c_ends_the_run():
 
 @pytest.mark.slow
 @pytest.mark.skipif(installed() is None, reason="no Chromium here")
-@pytest.mark.realtime  # a real browser
 def test_the_state_page_shows_what_is_measured(bridge):
     with browser() as (page, seen):
         address = bridge.replace("ws:", "http:")

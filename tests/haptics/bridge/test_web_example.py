@@ -42,7 +42,6 @@ def drag(page, canvas, begin, end):
 
 @pytest.mark.slow
 @pytest.mark.skipif(installed() is None, reason="no Chromium here")
-@pytest.mark.realtime  # a real browser, and a bridge in another process
 def test_a_hand_in_a_web_page_feels_a_wall_and_the_page_finds_the_bridge_again():
     with examples() as site, browser() as (page, seen):
         page.set_viewport_size({"width": 1200, "height": 800})
