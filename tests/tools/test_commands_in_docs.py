@@ -11,7 +11,9 @@ from tensionlab.cli import app
 
 ROOT = Path(__file__).parents[2]
 MADE = {".venv", "build", "out", "generated"}
-FILES = [path for path in sorted(ROOT.rglob("*.md")) if not MADE & set(path.parts)]
+FOLDERS = [path for path in ROOT.iterdir() if path.is_dir() and path.name not in MADE and "cache" not in path.name]
+FILES = sorted([*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in folder.rglob("*.md"))])
+FILES = [path for path in FILES if not MADE & set(path.relative_to(ROOT).parts)]
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 CALL = re.compile(r"^(?:\.venv/bin/)?tensionlab (.+)$|`(?:\.venv/bin/)?tensionlab ([^`]+)`", re.MULTILINE)
 
