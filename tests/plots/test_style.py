@@ -2,16 +2,25 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import tensionlab as tl
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_rig
 from tensionlab.plots.style import save_figure, two_scales
 from tests.helpers.runs import four
 
 
-def test_the_same_figure_makes_the_same_file(tmp_path):
-    figures = {name: plot_rig(four()) for name in ("one", "two", "other")}
+@pytest.mark.parametrize(
+    ("rig", "suffixes"),
+    [
+        ("bartels2026-validation", (".png", ".pdf", ".svg")),
+        ("kntu-planar", (".svg",)),
+        ("body-mounted", (".svg",)),
+    ],
+)
+def test_the_same_figure_makes_the_same_file(tmp_path, rig, suffixes):
+    figures = {name: plot_rig(tl.load_rig(rig)) for name in ("one", "two", "other")}
     figures["other"].text(0.5, 0.5, "another")
-    for suffix in (".png", ".pdf", ".svg"):
+    for suffix in suffixes:
         for name, figure in figures.items():
             save_figure(figure, tmp_path / f"{name}{suffix}")
         one, two, other = ((tmp_path / f"{name}{suffix}").read_bytes() for name in figures)
