@@ -168,7 +168,7 @@ SOFTENED_S = 1.0  # a softening that was absent for this time has ended
 
 
 class Softening(NamedTuple):
-    """Change of what is rendered of an effect's parameter; equal values: as desired again."""
+    """Change of the rendered value of an effect's parameter; softening has ended if it is the desired one."""
 
     effect: str
     parameter: str
@@ -178,7 +178,7 @@ class Softening(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The change in words."""
+        """Message about the change."""
         unit = UNITS.get(self.parameter.rpartition(".")[2].split(" ")[0], "")
         if self.rendered == self.desired:
             return f'"{self.effect}": {self.parameter} is {self.desired:g} {unit} again, as desired'

@@ -71,17 +71,7 @@ class WriteError(TensionlabError, OSError):
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
-    """Optional library that is not installed; the message names the extra to install.
-
-    Examples
-    --------
-    >>> from tensionlab.errors import optional_import
-    >>> with optional_import("workspace", "a sweep"):
-    ...     import no_such_library
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.MissingDependency: a sweep needs no_such_library: pip install "tensionlab[workspace]"
-    """
+    """Optional library that is not installed; the message names the extra to install."""
 
 
 @contextmanager
@@ -97,17 +87,7 @@ def optional_import(extra: str, what: str) -> Iterator[None]:
 
 
 class Unreachable(TensionlabError):  # noqa: N818 - pinned name
-    """Allocation that does not render every wrench exactly; ``allocation`` is the complete result.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> try:
-    ...     tl.allocate([[1.0, -1.0]], [7.0], (1.0, 5.0)).raise_for_status()
-    ... except tl.errors.Unreachable as error:
-    ...     print(error.allocation.wrench)
-    [4.]
-    """
+    """Allocation that does not render every wrench exactly; ``allocation`` is the complete result."""
 
     def __init__(self, message: str, allocation: Any) -> None:
         super().__init__(message, allocation)

@@ -114,7 +114,7 @@ def read_track(path: str | PathLike[str]) -> ProblemSet:
 
 
 def _stored_set(name: str, title: str, *groups: Group) -> ProblemSet:
-    """Return problems from files, of which the exact solver tells whether they are feasible."""
+    """Return problems from files; the exact solver finds out whether they are feasible."""
     feasible = np.concatenate([optimum(problem_of(group, "force")).reachable for group in groups])
     return ProblemSet(name, title, groups, "all" if feasible.all() else "mixed" if feasible.any() else "none")
 
@@ -140,7 +140,7 @@ def _in_parquet(path: Path) -> Iterator[Program]:
 
 
 def _allocation(where: str, arrays: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats, Floats] | str:
-    """Return structure, wrench and limits of a program, or why it is no problem of tension allocation."""
+    """Return structure, wrench and limits of a program, or why it is not a problem of tension allocation."""
     if "lb" not in arrays or "ub" not in arrays:
         return "an unbounded variable"
     if "A" not in arrays or "b" not in arrays:

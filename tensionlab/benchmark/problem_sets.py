@@ -52,7 +52,7 @@ class Group:
 
 @dataclass(frozen=True)
 class ProblemSet:
-    """Problems that test one property, which the title tells."""
+    """Problems that test one property, which is the title."""
 
     name: str
     title: str

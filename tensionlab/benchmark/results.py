@@ -207,13 +207,6 @@ def read(path: str | Path) -> Results:
     """Read the results of a benchmark; DataError if there are none.
 
     The path is the folder of a run, or its file `FILE`, without the measurements of each problem.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.benchmark.results import read
-    >>> read(tl.datasets.folder() / "benchmarks" / "results.parquet")
-    <Results of 35 entries on 8 problem sets>
     """
     place = as_path(path)
     file = place / FILE if place.is_dir() else place

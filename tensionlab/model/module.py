@@ -124,7 +124,7 @@ class Module(ArrayRecord):
     >>> tl.Module("floor-left", anchor=[-1.5, 0.0, 0.0], lower=7.0, upper=6.0)
     Traceback (most recent call last):
         ...
-    tensionlab.errors.RigError: module "floor-left": key "lower" is 7.0, above "upper", which is 6.0; ...
+    tensionlab.errors.RigError: module "floor-left": key "lower" is 7.0, above "upper", which is 6.0
     """
 
     name: str
@@ -152,19 +152,14 @@ class Module(ArrayRecord):
             np.zeros(anchor.size) if self.attachment is None else self.attachment, here, "attachment"
         )
         if attachment.shape != anchor.shape:
-            raise RigError(
-                f'{here}: key "attachment" has {attachment.size} coordinates and "anchor" {anchor.size}; '
-                "give both the same number"
-            )
+            sizes = f'"attachment" has {attachment.size} coordinates and "anchor" {anchor.size}'
+            raise RigError(f"{here}: key {sizes}; give both the same number")
         object.__setattr__(self, "anchor", anchor)
         object.__setattr__(self, "attachment", attachment)
         for key in ("lower", "upper"):  # a cable cannot push
             require_number(getattr(self, key), here, key, MAX_TENSION, "N")
         if self.lower > self.upper:
-            raise RigError(
-                f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}; '
-                "give lower <= upper, both in N"
-            )
+            raise RigError(f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}')
         for key, highest, unit in OPTIONAL_NUMBERS:
             if getattr(self, key) is not None:
                 require_number(getattr(self, key), here, key, highest, unit, above_zero=True)
@@ -179,10 +174,8 @@ class Module(ArrayRecord):
             raise RigError(f'{here}: key "pulley_radius" is missing; give the radius of the pulley in m')
         axis = vector(self.pulley_axis, here, "pulley_axis")
         if axis.shape != anchor.shape or not axis.any():
-            raise RigError(
-                f'{here}: key "pulley_axis" is {brief(axis.tolist())}; give a direction with {anchor.size} '
-                "coordinates, not all zero"
-            )
+            give = f"give a direction with {anchor.size} coordinates, not all zero"
+            raise RigError(f'{here}: key "pulley_axis" is {brief(axis.tolist())}; {give}')
         object.__setattr__(self, "pulley_axis", axis)
 
     def __repr__(self) -> str:
@@ -197,15 +190,11 @@ class Module(ArrayRecord):
         """Refuse coordinates that do not suit a kind of rig."""
         dimension, turns = KINDS[kind].dimension, KINDS[kind].has_orientation
         if self.anchor.size != dimension:
-            raise RigError(
-                f'module "{self.name}": key "anchor" has {self.anchor.size} coordinates; '
-                f"a {kind} rig needs {dimension}"
-            )
+            needs = f"{self.anchor.size} coordinates; a {kind} rig needs {dimension}"
+            raise RigError(f'module "{self.name}": key "anchor" has {needs}')
         if not turns and np.any(self.attachment):
-            raise RigError(
-                f'module "{self.name}": key "attachment" is {self.attachment}; in a {kind} rig all cables '
-                'end at one point, so leave it out, or use kind "platform" or "planar"'
-            )
+            ends = f"in a {kind} rig all cables end at one point, so leave it out"
+            raise RigError(f'module "{self.name}": key "attachment" is {self.attachment}; {ends}')
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,10 +335,7 @@ class TensionLimits:
     def __post_init__(self) -> None:
         lower, upper = as_floats("lower", self.lower), as_floats("upper", self.upper)
         if lower.ndim != 1 or lower.shape != upper.shape:
-            raise ShapeError(
-                f"tension limits: lower has shape {lower.shape} and upper {upper.shape}; "
-                "give one lower and one upper limit a cable, both of shape (m,)"
-            )
+            raise ShapeError(f"tension limits: lower has shape {lower.shape} and upper {upper.shape}; give (m,)")
         if lower.size == 0:
             raise ShapeError("tension limits: no cable; give at least one lower and one upper limit")
         lower, upper = tension_limits((lower, upper))

@@ -200,10 +200,8 @@ def rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
     off = np.abs(array @ np.swapaxes(array, -1, -2) - np.eye(3)).max(axis=(-2, -1))
     wrong = (off > ORTHOGONALITY) | (np.linalg.det(array) < 0)
     if wrong.any():
-        raise ShapeError(
-            f"{what}{first(wrong)} is not a rotation: R R' is off the identity by {off[wrong].flat[0]:.2g}, "
-            "or R mirrors; give orthonormal right-handed matrices"
-        )
+        why = f"R R' is off the identity by {off[wrong].flat[0]:.2g}, or R mirrors"
+        raise ShapeError(f"{what}{first(wrong)} is not a rotation: {why}")
     return array
 
 

@@ -110,16 +110,12 @@ class Requirement(ArrayRecord):
         """Refuse wrenches of another size than the rig's, and the weight of a rig without mass or ``up``."""
         for key, array in self._arrays().items():
             if array.shape[-1] != rig.n:
-                raise RigError(
-                    f'required: key "{key}" has {array.shape[-1]} components; '
-                    f"{rig.name}, a {rig.kind} rig, needs {rig.n}"
-                )
+                needs = f"{rig.name}, a {rig.kind} rig, needs {rig.n}"
+                raise RigError(f'required: key "{key}" has {array.shape[-1]} components; {needs}')
         if self.gravity and rig.weight is None:
             missing = '[platform] with a "mass"' if rig.platform is None else '"up", as in up = "z"'
-            raise RigError(
-                f'required: key "gravity" is true, but {rig.name} does not know its weight; its file needs '
-                f"{missing}, or give the wrench that holds it"
-            )
+            why = f"{rig.name} does not know its weight; its file needs {missing}"
+            raise RigError(f'required: key "gravity" is true, but {why}')
         if self.acceleration is not None:
             self._check_platform(rig, self.acceleration)
 
@@ -136,10 +132,8 @@ class Requirement(ArrayRecord):
         turns = size > d and acceleration[d:].any()
         if rig.platform is None or (turns and rig.platform.inertia is None):
             missing = "inertia" if rig.platform else "mass"
-            raise RigError(
-                f'required: key "acceleration" is there, but {rig.name} has no {missing}; its file needs '
-                f'[platform] with "{missing}"'
-            )
+            why = f'{rig.name} has no {missing}; its file needs [platform] with "{missing}"'
+            raise RigError(f'required: key "acceleration" is there, but {why}')
 
     def middle(self, rig: Any, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench in the middle of the set, (n,).
@@ -284,10 +278,8 @@ def _acceleration(values: Any) -> Floats:
     except ShapeError:
         array = np.array(np.nan)
     if array.ndim > 1 or not array.size or not ((array >= 0) & (array <= MAX_ACCELERATION)).all():
-        raise RigError(
-            f'key "acceleration" is {brief(values)}; give half of each edge of a box, or one number, in m/s² (and '
-            f"rad/s²), 0 to {MAX_ACCELERATION:g}"
-        )
+        give = f"give half of each edge of a box, or one number, 0 to {MAX_ACCELERATION:g} m/s² (or rad/s²)"
+        raise RigError(f'key "acceleration" is {brief(values)}; {give}')
     return array
 
 

@@ -30,13 +30,10 @@ from tensionlab.support.files.reading import brief
 
 
 class StiffnessTerms(NamedTuple):
-    """Stiffness matrix at poses as a function of the tensions t: ``constant + sum of t_i slopes_i``.
+    """Stiffness matrix at poses as a function of the tensions t: ``constant + sum of t_i slopes_i``."""
 
-    ``constant`` is (..., n, n), ``slopes`` (..., m, n, n).
-    """
-
-    constant: Floats
-    slopes: Floats
+    constant: Floats  # (..., n, n)
+    slopes: Floats  # (..., m, n, n)
 
 
 def stiffness_terms(
@@ -46,10 +43,9 @@ def stiffness_terms(
     cables, d = rig.cables(position, rotation, frames), rig.dimension
     elasticity = np.array([module.cable_stiffness or np.nan for module in rig.modules])
     if (unknown := np.isnan(elasticity)).any():
-        raise RigError(
-            f'rig "{rig.name}": module "{rig.modules[int(unknown.argmax())].name}": key "cable_stiffness" is '
-            "missing; give the cable's stiffness per strain (modulus times area) in N, or one for all in [limits]"
-        )
+        name = rig.modules[int(unknown.argmax())].name
+        advice = "give the cable's stiffness per strain (modulus times area) in N, or one for all in [limits]"
+        raise RigError(f'rig "{rig.name}": module "{name}": key "cable_stiffness" is missing; {advice}')
     shape = (*cables.lengths.shape, d, d)
     axes = np.broadcast_to(np.eye(d), shape)
     arms = None if cables.arms is None else np.broadcast_to(cables.arms[..., None, :], shape)

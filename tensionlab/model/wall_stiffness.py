@@ -15,6 +15,7 @@ MIN_HAND_MASS_KG = 0.3  # smallest effective mass of a hand: a default of this p
 CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02  # period and delay of the loop before it is measured: the runner's default
 MODULE_STIFFNESS = 500.0  # largest stiffness of the firmware's impedance, in N/m
 MIN_COSINE = math.cos(math.radians(45.0))  # between axis and cable: published threshold of a convincing direction
+LEAST_MODULE_STIFFNESS = MODULE_STIFFNESS * MIN_COSINE**2  # of a cable that may render a wall at all, in N/m
 
 
 def stiffness_bound(

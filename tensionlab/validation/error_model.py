@@ -1,20 +1,9 @@
 """Error model of a rig: how far its hardware is from what the host believes.
 
-Each error has one physical meaning, and acts in one place:
-
-- **gain**: the motor's torque constant, against the N/A in the module's parameters. In the plant.
-- **play**: dry friction between motor and cable. A tension stops short of its set-point by the play, on the side
-  that it came from, and does not follow smaller changes. In the plant.
-- **bias**: an additional tension that the motor makes while it is driven, as with a wrong zero of the current
-  sensor (0.12 N are 0.04 A). Zeroing the force sensor with all motors off does not take it away. Where the cable
-  meets the sensor.
-- **position**: where anchors and sensor really are. The host works with the nominal rig.
-- **tilt**: the force sensor leans, about the two level axes. In the sensor.
-- **noise**: the sensor's reading drifts slowly, on each axis: white noise of that size at 1 kHz would average to
-  0.001 N in a second and not matter. In the sensor.
-
-Cogging of the motor, which no publication gives, is left out. Cables are damped critically: a spool that rings
-passes its dry friction again and again and stops anywhere within it, which is not a play.
+Gain and play act in the plant, the bias where the cable meets the sensor, tilt and noise in the sensor; the host
+works with the nominal positions. Cogging of the motor, which no publication gives, is left out. Cables are damped
+critically: a spool that rings passes its dry friction again and again and stops anywhere within it, which is not a
+play.
 """
 
 from __future__ import annotations
@@ -39,11 +28,16 @@ class ErrorModel:
 
     gain: float = 1.0  # true tension per commanded one, the same in all modules
     gain_spread: float = 0.0  # of its logarithm, from module to module
-    bias: float = 0.0  # in N
+    # In N: a tension that the motor adds while it is driven, as with a wrong zero of the current sensor (0.12 N
+    # are 0.04 A). Zeroing the force sensor with all motors off does not take it away.
+    bias: float = 0.0
     position: float = 0.0  # of each coordinate of anchors and sensor, in m
-    tilt: float = 0.0  # about each level axis, in degrees
-    play: float = 0.0  # in N
-    noise: float = 0.0  # of each axis of the sensor, in N
+    tilt: float = 0.0  # of the force sensor about each level axis, in degrees
+    # In N: dry friction between motor and cable. A tension stops short of its set-point by the play, on the side
+    # that it came from, and does not follow smaller changes.
+    play: float = 0.0
+    # Of each axis of the sensor, in N: a slow drift, because white noise would average to nothing in a second.
+    noise: float = 0.0
 
 
 PRESETS = {

@@ -8,18 +8,10 @@ import numpy as np
 
 from tensionlab.allocation import allocate
 from tensionlab.haptics.rendering.brakes import ImpactCap, brake_strengths
-from tensionlab.model import directions
+from tensionlab.model import directions, wall_stiffness
 from tensionlab.model.module import KINDS
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.model.wall_stiffness import (
-    CYCLE_S,
-    LATENCY_S,
-    MIN_COSINE,
-    MODULE_STIFFNESS,
-    host_stiffness,
-    module_stiffness,
-)
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_share
@@ -35,13 +27,7 @@ LOSS_DIRECTIONS = 200  # directions of 1 N, or 1 N·m, that are tried after a lo
 
 
 def check_rig(rig: Rig) -> list[Finding]:
-    """Check whether a rig can work at its home, with body frames at rest.
-
-    Findings: rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong; weight
-    and requirement, where there are any; balance, that is the zero wrench inside the limits; strength, the largest
-    force and torque in the weakest direction, in addition to what is required, or to the weight where that closes
-    the wrench set; stiffness of walls, where the rig holds a point; clearance of its bodies; and body frames.
-    """
+    """Check whether a rig can work at its home, with body frames at rest."""
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig), *_scale(rig)]
     held = False
@@ -222,14 +208,15 @@ def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
 
 def _walls(rig: Rig, structure: Floats) -> Finding:
     """Note how stiff a wall may be along each axis: a module along it renders it, elsewhere the host."""
-    host = f"{host_stiffness():.0f} N/m by the host"
-    loop = f"{1.0 / CYCLE_S:g} cycles/s, {1e3 * LATENCY_S:g} ms late"
+    host = f"{wall_stiffness.host_stiffness():.0f} N/m by the host"
+    loop = f"{1.0 / wall_stiffness.CYCLE_S:g} cycles/s, {1e3 * wall_stiffness.LATENCY_S:g} ms late"
     names = [f"{sign}{axis}" for sign in "+-" for axis in "xyz"[: rig.dimension]]
-    found = module_stiffness(structure.T, np.concatenate([np.eye(rig.dimension), -np.eye(rig.dimension)]))
+    axes = np.eye(rig.dimension)
+    found = wall_stiffness.module_stiffness(structure.T, np.concatenate([axes, -axes]))
     modules = [
         f"{stiffness:.0f} N/m towards {name}"
         for name, stiffness in sorted(zip(names, found, strict=True), key=lambda each: each[0][1:])
-        if stiffness >= MODULE_STIFFNESS * MIN_COSINE**2
+        if stiffness >= wall_stiffness.LEAST_MODULE_STIFFNESS
     ]
     if not modules:
         return Finding("walls", True, f"as stiff as {host} ({loop}): no cable is along an axis")

@@ -95,13 +95,10 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> pandas.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class CableEstimates:
-    """Gain (true tension per commanded one) and bias in N of each cable, with 95 % confidence.
+    """Gain and bias of each cable, with 95 % confidence."""
 
-    Of four cables on a point only three combinations of biases can be measured: these are the smallest biases that
-    explain the offset, without the part that cancels out at the point.
-    """
-
-    gains: tuple[Estimate, ...]
+    gains: tuple[Estimate, ...]  # true tension per commanded one
+    # In N, the smallest that explain the offset: of four cables on a point, three combinations can be measured.
     biases: tuple[Estimate, ...]
 
 

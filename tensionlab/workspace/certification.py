@@ -149,16 +149,14 @@ def _prove_cells(
     scheduler: str | None,
     progress: Callable[[float, Bounds], None] | None,
 ) -> CertifiedWorkspace:
-    """Prove a statement, in these words, of cells of the first level and down to the last, or to the gap."""
+    """Prove a statement, with its words, about all cells: level by level, down to the last or to the gap."""
     found: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
     settled, proved, places = 0.0, np.zeros(2), cells.first()  # volumes that are settled, and inside and outside
     evaluations = 0
     for level in range(cells.levels + 1):
         if len(places) > MAX_CELLS:
-            raise InputError(
-                f"resolution: {len(places):,} cells are undecided at {cells.edges(level).max():.2g} m; give "
-                "a longer one, or a smaller region"
-            )
+            size = f"{len(places):,} cells are undecided at {cells.edges(level).max():.2g} m"
+            raise InputError(f"resolution: {size}; give a longer one, or a smaller region")
         evaluations += len(places)
         cell_volume = float(cells.cell_volume(level))
         undecided, starts = [places[:0]], range(0, len(places), CHUNK_CELLS)
@@ -284,7 +282,7 @@ class CellProblem(NamedTuple):
     clearance: ClearanceProblem | None = None
 
     def without(self, lost: int) -> CellProblem:
-        """Return the statement after the loss of a cable, of which no clearance is required either."""
+        """Return the statement after the loss of a cable, which need not stay clear of anything either."""
         cable_axis = {"anchors": 1, "arms": 1, "lower": 0, "upper": 0, "radii": 0, "axes": 0}
         kept: dict[str, Any] = {
             name: np.delete(array, lost, axis)
@@ -333,12 +331,12 @@ class CellProblem(NamedTuple):
 
 
 def _whole(verdict: NDArray[np.int8]) -> Floats:
-    """Return the shares, (k, 2), of cells that are inside or outside as a whole, or neither."""
+    """Return the proved shares (k, 2) of cells that are inside as a whole, outside, or undecided."""
     return np.asarray(np.stack([verdict > 0, verdict < 0], axis=1), dtype=np.float64)
 
 
 def _orientations(rig: Rig, rotations: ArrayLike | None) -> tuple[Floats | None, Floats]:
-    """Return the orientations that count, as they were given but in a row, and as matrices (k, d, d)."""
+    """Return the rotations as a sequence: as they were given, and as matrices (k, d, d)."""
     if rotations is None:
         return None, rig.home_matrix[None]
     turns, d = np.asarray(rotations), rig.dimension
@@ -367,10 +365,8 @@ def cell_problem(
         raise InputError(f'rig "{rig.name}" is a {rig.kind} rig and cannot turn; leave rotations and angle out')
     pulleys = rig.pulleys_in_world(frames)
     if pulleys is not None and (clearance is not None or rig.bodies):
-        raise InputError(
-            f'rig "{rig.name}" has pulleys, and the proof of clearance holds for fixed anchors; leave clearance '
-            "out and pass bodies=(), or sweep it instead"
-        )
+        advice = "the proof of clearance holds for fixed anchors; leave clearance out and pass bodies=()"
+        raise InputError(f'rig "{rig.name}" has pulleys, and {advice}')
     pose.require_known(frames or (), rig.at_rest)
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:

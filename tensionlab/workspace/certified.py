@@ -67,7 +67,7 @@ class Subdivision(NamedTuple):
         return np.indices(tuple(self.roots.tolist())).reshape(len(self.low), -1).T.astype(np.int64)
 
     def children(self, places: Integers) -> Integers:
-        """Return the places of the cells that cells are cut into."""
+        """Return the places of the cells into which cells are divided."""
         cut = self.extent > 0
         parts = np.array(list(product(*((0, 1) if each else (0,) for each in cut))))
         doubled = places[:, None] * np.where(cut, 2, 1)
@@ -91,10 +91,8 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
     low, extent = ends[:, 0], ends[:, 1] - ends[:, 0]
     if not (extent >= 0).all() or not (extent > 0).any():
         axis = int(np.argmin(extent))
-        raise InputError(
-            f"region runs from {ends[axis, 0]:g} to {ends[axis, 1]:g} along {'xyz'[axis]}; give the lower end "
-            "first, and an extent along one axis at least"
-        )
+        runs = f"from {ends[axis, 0]:g} to {ends[axis, 1]:g} along {'xyz'[axis]}"
+        raise InputError(f"region runs {runs}; give the lower end first, and one axis at least an extent")
     steps = require_finite("resolution", resolution, 0)
     if steps.shape not in ((), (dimension,)) or not (steps > 0).all():
         raise InputError(f"resolution is {steps.tolist()}; give one length in m, or one for each axis, above zero")
@@ -294,10 +292,10 @@ class CertifiedWorkspace:
 
 
 def intersection(losses: Mapping[str, CertifiedWorkspace], required: str) -> CertifiedWorkspace:
-    """Return what is proved of all losses together, from the proof of one region after each.
+    """Return what is proved for any one loss, from the proofs of a region after each.
 
-    Its cells are the smallest of all: inside if they are so after every loss, outside if they are so after one.
-    What is not proved inside of a cell is at most the sum of what is not after each loss.
+    Its cells are the smallest of all proofs: inside if they are inside after every loss, outside if they are so
+    after one. The share of a cell that is not proved inside is at most the sum of those after each loss.
     """
     proofs = list(losses.values())
     cells = proofs[0].subdivision

@@ -78,7 +78,7 @@ def body_distance(
     position, rotation, frames
         As in `Rig.structure_matrix`; a body on a frame without modules is at rest unless its pose is given.
     bodies : sequence of Body, optional
-        In place of `Rig.bodies`. Errors as in `Rig.structure_matrix` and `Rig`.
+        In place of `Rig.bodies`. RigError or ShapeError as of `Rig` and `Rig.structure_matrix`.
 
     Examples
     --------
@@ -91,11 +91,7 @@ def body_distance(
     """
     distances = body_distances(rig, position, rotation, frames, bodies)
     *shape, m, count = distances.shape
-    if not count:
-        return Clearance(np.full(shape, np.inf), np.full((*shape, 2), -1))
-    flat = distances.reshape(*shape, m * count)
-    pair = np.unravel_index(flat.argmin(axis=-1), (m, count))
-    return Clearance(flat.min(axis=-1), np.stack(pair, axis=-1))
+    return _closest(distances.reshape(*shape, m * count), np.indices((m, count)).reshape(2, -1).T)
 
 
 def body_distances(
@@ -141,10 +137,15 @@ def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: F
 def closest_pair(cables: Floats, pairs: Integers) -> Clearance:
     """Return the minimum distance over pairs (k, 2) of cables (..., m, 2, d)."""
     *shape, m, _, d = cables.shape
-    if not len(pairs):
-        return Clearance(np.full(shape, np.inf), np.full((*shape, 2), -1))
     flat = np.zeros((int(np.prod(shape)), m, 2, 3))
     flat[..., :d] = cables.reshape(-1, m, 2, d)
-    distances = _native.segment_distances(flat, pairs, None, None)
-    which = pairs[distances.argmin(axis=-1)]
-    return Clearance(distances.min(axis=-1).reshape(shape), which.reshape(*shape, 2))
+    distances = _native.segment_distances(flat, pairs, None, None) if len(pairs) else np.empty(0)
+    return _closest(distances.reshape(*shape, len(pairs)), pairs)
+
+
+def _closest(distances: Floats, pairs: Integers) -> Clearance:
+    """Return the smallest of the distances (..., k), and its pair."""
+    if not len(pairs):
+        shape = distances.shape[:-1]
+        return Clearance(np.full(shape, np.inf), np.full((*shape, 2), -1))
+    return Clearance(distances.min(axis=-1), pairs[distances.argmin(axis=-1)])

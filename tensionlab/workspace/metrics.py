@@ -216,10 +216,7 @@ def _cable_distance(batch: Batch) -> Floats:
 def _body_distance(batch: Batch, *, bodies: tuple[Body, ...] | None = None) -> Floats:
     """Minimum distance between a cable and a body, however it sways; below zero where a cable may enter one."""
     if not (batch.rig.bodies if bodies is None else bodies):
-        raise InputError(
-            f'body-distance: rig "{batch.rig.name}" has no bodies; list them in its file as [[bodies]], or write '
-            'bodies = "standing" there'
-        )
+        raise InputError(f'body-distance: rig "{batch.rig.name}" has no bodies; list them as [[bodies]]')
     return interference.body_distance(batch.rig, batch.position, batch.rotation, batch.frames, bodies).distance
 
 

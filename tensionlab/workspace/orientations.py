@@ -54,10 +54,8 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> O
     if upward.shape != (3,) or not upward.any():
         raise InputError(f"axis is {axis!r}; give a vector in space, not zero")
     if not (0 < half_angle <= np.pi and step > 0 and half_angle / step < np.sqrt(MAX_ORIENTATIONS)):
-        raise InputError(
-            f"a cone of {np.degrees(half_angle):g} degrees with a step of {np.degrees(step):g}; give angles above "
-            f"zero, up to 180 degrees, and no more than {MAX_ORIENTATIONS:,} orientations"
-        )
+        given = f"a cone of {np.degrees(half_angle):g} degrees with a step of {np.degrees(step):g}"
+        raise InputError(f"{given}; give angles above zero, for {MAX_ORIENTATIONS:,} orientations at most")
     upward = upward / np.linalg.norm(upward)
     across = np.linalg.svd(upward[None])[2][1:]
     rings = max(1, round(half_angle / step))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import cast
 
@@ -14,7 +14,7 @@ from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.model.wall_stiffness import MIN_COSINE, MODULE_STIFFNESS, host_stiffness, module_stiffness
+from tensionlab.model.wall_stiffness import LEAST_MODULE_STIFFNESS, host_stiffness, module_stiffness
 from tensionlab.support.arrays import Floats, pad_last_axis, require_finite
 from tensionlab.support.formatting import format_share, format_vector
 from tensionlab.workspace.poses import Grid, PoseList
@@ -22,7 +22,6 @@ from tensionlab.workspace.shares import describe_step
 from tensionlab.workspace.wrench_set import capacity_margin, facet_distance, half_spaces
 
 TIE_WEIGHT = 0.1  # of missing or spare force, relative to the share: enough to lead a search among equals
-LEAST_MODULE_STIFFNESS = MODULE_STIFFNESS * MIN_COSINE**2  # of a cable that may render a wall at all, in N/m
 
 Target = Grid | PoseList
 Targets = Target | ArrayLike | Sequence[Target]
@@ -70,8 +69,7 @@ class Objective:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> tl.workspace.Objective(force=2.0)  # the share of the target with 2 N in every direction
-    Objective(force=2.0)
+    >>> strong = tl.workspace.Objective(force=2.0)  # the share of the target with 2 N in every direction
     >>> up = tl.workspace.Objective(directions=[[0, 1, 0]])  # the largest force upwards
     >>> stiff = tl.workspace.Objective(force=1.0, stiffness=300.0, walls=[[0, 1, 0], [0, 0, 1]])
     """
@@ -100,10 +98,6 @@ class Objective:
         forces = self.force is not None or self.directions is not None
         if (self.walls is None and self.stiffness) or (self.walls is not None and forces and not self.stiffness):
             raise InputError("objective: give walls their stiffness, and a stiffness the walls that push the hand")
-
-    def __repr__(self) -> str:
-        given = [(each.name, getattr(self, each.name), each.default) for each in fields(self) if each.repr]
-        return f"Objective({', '.join(f'{name}={value!r}' for name, value, default in given if value != default)})"
 
     @property
     def level(self) -> float | None:

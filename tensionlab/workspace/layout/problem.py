@@ -41,7 +41,7 @@ class TargetPoses(NamedTuple):
     required: Floats  # wrenches (P, k, n) or (1, k, n), torques divided by the length of the space
 
     def surround(self, copies: int, radius_m: float, length: float) -> TargetPoses:
-        """Return these poses, and copies of them that are moved, and turned at a length, by a radius at most."""
+        """Return these poses and copies that are moved by a radius, and turned by up to that at a length."""
         random, (count, d) = np.random.default_rng(0), self.points.shape
         away = random.normal(size=(copies, count, d))
         away *= radius_m / np.linalg.norm(away, axis=-1, keepdims=True)
@@ -66,7 +66,7 @@ class Linear(NamedTuple):
 
 
 class LayoutProblem(NamedTuple):
-    """Space, targets and the poses of the hand or platform in these, objective, and bodies if there are any."""
+    """Where modules may stand, and what layouts are compared by."""
 
     space: Space
     targets: tuple[Target, ...]
@@ -260,7 +260,7 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
 
 
 def _best_step(objective: Objective, here: Linear, bounds: tuple[Floats, Floats], sharpness: float) -> Floats:
-    """Return the best step between two bounds, (k, e, d), if all were linear: values + slopes . step.
+    """Return the step between two bounds, (k, e, d), that is best for ``values + slopes . step``.
 
     It minimises the missing total, while something is missing anywhere; else it maximises the worst value. Cables
     stay clear of bodies, or come as close to that as they can.

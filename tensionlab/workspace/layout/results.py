@@ -15,12 +15,12 @@ from tensionlab.workspace.layout.objective import Objective
 
 
 class Nearest(NamedTuple):
-    """Module and body that come closest for its margin; their proved distance in targets, and the margin, in m."""
+    """Module and body that come closest to each other, relative to the body's margin."""
 
     module: str
     body: str
-    distance: float
-    margin: float
+    distance: float  # that is proved in all targets, in m
+    margin: float  # of the body, in m
 
     def describe(self) -> str:
         """Return the distance in words."""

@@ -254,7 +254,7 @@ class Space:
 
     @cached_property
     def length(self) -> float:
-        """Length in m by which torques are divided, of all rigs of the space: not for the search to choose."""
+        """Length in m by which torques are divided, the same for all rigs of the space."""
         if not self.attachments or self.required.length is not None:
             return self.required.length or 1.0
         corners, edges, _ = (each[len(self.surfaces) :] for each in self.placed)
@@ -264,17 +264,17 @@ class Space:
 
     @property
     def divisors(self) -> Floats:
-        """What components of wrenches are divided by, (n,)."""
+        """Divisors of the components of wrenches, (n,)."""
         return self.one_module.required.divisors(self.one_module)
 
     @cached_property
     def one_module(self) -> Rig:
-        """Rig with one module at the origin: what is true of all rigs of this space."""
+        """Rig with one module at the origin, with all that the rigs of this space share."""
         origin = np.zeros(self.dimension)
         return self.rig("this space", [Module("any", origin, *self.limits, **self.hardware)], origin)
 
     def rig(self, name: str, modules: Sequence[Module], home: Floats) -> Rig:
-        """Return a rig with these modules, and with what the space says of all its rigs."""
+        """Return a rig of this space with these modules."""
         used = {each.frame for each in modules} | {each.frame for each in self.bodies}
         kinds = ("planar", "platform") if self.attachments else ("planar-point", "point")
         return Rig(

@@ -47,10 +47,8 @@ class MemoryStore:
     def __init__(self, plan: Plan, empty: xarray.Dataset) -> None:
         size = 8 * len(plan.metrics) * math.prod(plan.shape)
         if size > MAX_MEMORY_BYTES:
-            raise SweepError(
-                f"the sweep has {math.prod(plan.shape):,} values of each metric, {size / 1e9:.1f} GB: "
-                "too much to keep in memory; give out, a folder DIR.zarr to write to"
-            )
+            advice = "too much to keep in memory; give out, a folder DIR.zarr to write to"
+            raise SweepError(f"the sweep has {math.prod(plan.shape):,} poses, {size / 1e9:.1f} GB: {advice}")
         self.missing: Sequence[int] = range(math.prod(plan.tiles))
         self._plan, self._empty = plan, empty
         self._values = np.empty((len(plan.metrics), *plan.shape))
@@ -137,15 +135,11 @@ class ZarrStore:
         chunk = 8 * len(self._plan.metrics) * math.prod(self._plan.chunks)
         needed = chunk * len(self.missing)  # never much larger compressed
         if needed > (free := shutil.disk_usage(folder).free):
-            raise SweepError(
-                f"{path}: the sweep may take {needed / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free; "
-                "give another place, or fewer poses"
-            )
+            sizes = f"may take {needed / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free"
+            raise SweepError(f"{path}: the sweep {sizes}; give another place, or fewer poses")
         self._lock = writing.acquire_lock(path.with_name(f".{path.name}.lock"), 0.0, "workspace")
         if self._lock is None:
-            raise SweepError(
-                f"{path}: another sweep writes to it; wait until that has ended, or give another place"
-            )
+            raise SweepError(f"{path}: another sweep writes to it; wait until it ends, or give another place")
 
     def _find_missing(self) -> Sequence[int]:
         """Return the numbers of the chunks of which some metric has no file; refuse the store of another sweep."""
