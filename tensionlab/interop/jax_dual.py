@@ -16,8 +16,7 @@ Answer = tuple[Array, Array, Array]  # tensions, whether they are proved optimal
 STEPS, ROUNDS = 8, 30  # Newton steps between two attempts at a proof, and attempts at most
 # Weight of the proximal term at first and at last, as a share of the longest column's square.
 FIRST_PROXIMITY, LAST_PROXIMITY = 1e-2, 1e-7
-# Largest difference between tensions of the multiplier and those of its face, as a share of the limits' distance.
-FACE_TOLERANCE = 1e-5
+PATIENCE = 5  # rounds after which the last weight is a tenth
 
 
 class Bounded(NamedTuple):
@@ -40,22 +39,22 @@ def rank_tolerance(array: Array) -> float:
     return max(RANK_TOLERANCE, 1e3 * float(jnp.finfo(array.dtype).eps))
 
 
-def solution_on_face(problem: Bounded, low: Array, high: Array) -> Array:
-    """Return the solution with some cables held at their lower and upper limits and the others free."""
+def solution_on_face(problem: Bounded, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the solution with some cables held at their lower and upper limits, and the inverse of the others."""
     columns, target, lower, upper, reference = problem
     free = ~(low | high)
-    held = jnp.where(low, lower, jnp.where(high, upper, reference))
-    inverse = jnp.linalg.pinv(jnp.where(free, columns, 0.0), rtol=rank_tolerance(columns))
-    return held + jnp.where(free, inverse @ (target - columns @ held), 0.0)
+    inverse = jnp.linalg.pinv(jnp.where(free, columns, 0.0), rtol=1e3 * float(jnp.finfo(columns.dtype).eps))
+    solution = jnp.where(low, lower, jnp.where(high, upper, reference))
+    for _ in range(2):  # The second time removes what rounding left of the first.
+        solution += jnp.where(free, inverse @ (target - columns @ solution), 0.0)
+    return solution, inverse
 
 
 def solve(problem: Bounded, known: Any = False, answer: Any = None) -> Answer:
     """Return tensions, whether they are proved optimal, and the missing ``target - columns t``.
 
-    Each round takes proximal steps on the dual (`_newton_step`), and then solves the linear problem of the face
-    on which the multiplier puts the tensions. That solution is the answer if it is inside the limits, no cable at
-    a limit could reduce the error by leaving it, and the multiplier has the same tensions: then none with the
-    same error are closer to the reference.
+    Each round takes proximal steps on the dual (`_newton_step`) and attempts a proof (`_proof`). The proximal term
+    falls with the rounds: it holds the steps back where the free cables hardly determine the multiplier.
 
     Sources: Chiche and Gilbert (2016) for proximal steps on infeasible problems, Qi and Sun (1993) for the
     semismooth method.
@@ -63,27 +62,14 @@ def solve(problem: Bounded, known: Any = False, answer: Any = None) -> Answer:
     columns, target, lower, upper, reference = problem
     rounding = float(jnp.finfo(columns.dtype).eps)
     square = jnp.max(jnp.sum(columns * columns, axis=0)) + jnp.finfo(columns.dtype).tiny
-    largest = jnp.maximum(jnp.abs(lower), jnp.abs(upper))
-    size = jnp.max(jnp.abs(target)) + jnp.max(jnp.abs(columns) @ largest)
+    size = jnp.max(jnp.abs(target)) + jnp.max(jnp.abs(columns) @ jnp.maximum(jnp.abs(lower), jnp.abs(upper)))
 
     def attempt(state: Any) -> Any:
         dual, _, _, _, rounds = state
-        step = partial(_newton_step, problem, 1e4 * rounding * size, max(LAST_PROXIMITY, 1e2 * rounding) * square)
+        last = jnp.maximum(LAST_PROXIMITY * 10.0 ** -(rounds // PATIENCE), 1e2 * rounding) * square
+        step = partial(_newton_step, problem, 1e4 * rounding * size, last)
         dual = jax.lax.fori_loop(0, STEPS, lambda _, dual: step(dual), dual)
-        pull = reference + columns.T @ dual[0]
-        tensions, low, high = jnp.clip(pull, lower, upper), pull <= lower, pull >= upper
-        exact = solution_on_face(problem, low, high)
-        missing = target - columns @ exact
-        push, negligible = columns.T @ missing, rounding_share(columns) * jnp.sqrt(square) * size
-        held = jnp.where(low, push <= negligible, ~high | (push >= -negligible))
-        alike = max(FACE_TOLERANCE, 1e4 * rounding) * jnp.max(upper - lower) + rounding * largest
-        same = jnp.abs(exact - tensions) <= alike
-        inside = jnp.clip(exact, lower, upper)
-        within = jnp.abs(exact - inside) <= rounding_share(columns) * jnp.maximum(
-            upper - lower, rounding * largest
-        )
-        optimal = jnp.all(held & same & within & (lower <= upper))
-        return dual, jnp.where(optimal, inside, tensions), optimal, missing, rounds + 1
+        return dual, *_proof(problem, dual[0], square, size), rounds + 1
 
     start = jnp.zeros_like(target)
     dual = start, start, FIRST_PROXIMITY * square
@@ -91,6 +77,35 @@ def solve(problem: Bounded, known: Any = False, answer: Any = None) -> Answer:
     state = dual, tensions, jnp.asarray(known), jnp.zeros_like(target), 0
     _, tensions, optimal, missing, _ = jax.lax.while_loop(lambda s: ~s[2] & (s[4] < ROUNDS), attempt, state)
     return tensions, optimal, missing
+
+
+def _proof(problem: Bounded, multiplier: Array, square: Array, size: Array) -> Answer:
+    """Solve the linear problem of the face on which a multiplier puts the tensions, and check its optimality.
+
+    The solution is optimal if it is inside the limits, no cable could reduce the error by a change that its limits
+    allow, and a multiplier has the same tensions: then none with the same error are closer to the reference.
+    """
+    columns, target, lower, upper, reference = problem
+    rounding = 64.0 * float(jnp.finfo(columns.dtype).eps)
+    found = jnp.clip(pull := reference + columns.T @ multiplier, lower, upper)
+    low, high = pull <= lower, pull >= upper
+    free = ~(low | high)
+    solution, inverse = solution_on_face(problem, low, high)
+    error = target - columns @ solution
+    missing = error - inverse.T @ jnp.where(free, columns.T @ error, 0.0)  # normal to the free cables exactly
+    push, still = jnp.where(free, columns.T @ error, columns.T @ missing), rounding * jnp.sqrt(square) * size
+    stays = (high | (push <= still)) & (low | (push >= -still))
+    on_face = multiplier + inverse.T @ jnp.where(free, solution - pull, 0.0)
+    pull = reference + columns.T @ on_face
+    negligible = rounding_share(columns) * (upper - lower) + rounding * jnp.maximum(jnp.abs(lower), jnp.abs(upper))
+    alike = negligible + rounding * (jnp.abs(columns).T @ jnp.abs(on_face))
+    same = jnp.where(free, jnp.abs(pull - solution) <= alike, True)
+    same &= (~low | (pull <= lower + alike)) & (~high | (pull >= upper - alike))
+    inside = jnp.clip(solution, lower, upper)
+    within = jnp.abs(solution - inside) <= negligible
+    optimal = jnp.all(stays & same & within & (lower <= upper))
+    tensions = jnp.where(optimal, inside, found)
+    return tensions, optimal, jnp.where(optimal, missing, target - columns @ tensions)
 
 
 def _newton_step(problem: Bounded, tolerance: Array, last: Array, dual: Any) -> Any:

@@ -107,14 +107,15 @@ def test_numbers_that_are_not_finite_are_left_to_the_caller():
     assert tl.solvers.Newton().solve_verified(replace(problem, wrench=np.full((1, 1), np.nan))) is None
 
 
+@pytest.mark.parametrize("policy", ["force", "direction"])
 @pytest.mark.parametrize("condition", [1e2, 1e4, 1e6, 1e7])
 @pytest.mark.parametrize(("n", "m"), [(3, 4), (3, 6), (6, 8)])
-def test_the_tensions_of_a_nearly_singular_rig_are_as_good_as_rounding(n, m, condition):
+def test_the_tensions_of_a_nearly_singular_rig_are_as_good_as_rounding(n, m, condition, policy):
     # What is missing of the wrench moves the tensions by up to the condition times as much.
     rng = np.random.default_rng(1)
     structure = near_singular(rng, n, m, np.full(2000, condition))
     wrench = np.einsum("bnm,bm->bn", structure, rng.uniform(LOWER, UPPER, (2000, m)))
-    found = tl.allocate(structure, wrench, (LOWER, UPPER))
+    found = tl.allocate(structure, wrench, (LOWER, UPPER), policy=policy)
     assert found.counts()[tl.Status.EXACT] == 2000
     free = (found.tensions > LOWER + 1e-9) & (found.tensions < UPPER - 1e-9)
     inverse = np.linalg.pinv(structure * free[:, None, :], rcond=1e-12)

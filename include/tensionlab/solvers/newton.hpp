@@ -123,7 +123,7 @@ class Newton {
     Control& control = control_[l];
     const bool late = ++control.iterations >= control.deadline;
     if (!late && read<Real>(steps_.found, l) == 0) return false;
-    return read<Real>(steps_.converged, l) != 0 ? !reopen(l) : conclude(l, late);
+    return read<Real>(steps_.converged, l) != 0 ? rendered(l) : conclude(l, late);
   }
 
   // Whether lane l is done with a direction that separates its wrench, and nothing else.
@@ -188,7 +188,7 @@ class Newton {
     }
     const bool back = control.stage == Stage::whitened;
     if (back) unwhiten(l, d);
-    if (back && nearly_rendered(l)) return !reopen(l);
+    if (back && nearly_rendered(l)) return rendered(l);
     if (control.stage != Stage::nearest) {
       // A rough first cut costs nothing; later ones must be good.
       if (!late && policy_ == Policy::direction && control.search.fresh() && cut(l, d)) return false;
@@ -311,11 +311,17 @@ class Newton {
     return true;
   }
 
-  // Looks for a larger s within tolerance where the direction policy renders s w; returns whether there may be
-  // one.
+  // Whether lane l is done, now that its s w is rendered.
+  bool rendered(int l) {
+    const Control& control = control_[l];
+    return !control.failed || control.search.scale == 1 || !reopen(l);
+  }
+
+  // Looks for a larger s within tolerance where the direction policy cannot lower s further; returns whether there
+  // may be one.
   bool reopen(int l) {
     Control& control = control_[l];
-    if (policy_ != Policy::direction || !control.failed || control.no_scale) return false;
+    if (policy_ != Policy::direction || control.no_scale) return false;
     if (!control.search.reopen(control.given, m_)) return false;
     Real d[N];
     copy<N>(control.search.proof, d);
