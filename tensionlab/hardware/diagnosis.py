@@ -50,7 +50,7 @@ class Check(NamedTuple):
 
 
 def diagnose(client: ModuleClient, *, move: bool, ask: Callable[[str], None] | None = None) -> Iterator[Check]:
-    """Check a module that nobody else uses, step by step, and leave it as it was.
+    """Check a module that no other program uses, step by step, and leave it as it was.
 
     If it may `move`, its spool turns by up to 20 mm of cable to find the electrical zero, with up to 2 N; then,
     only if nothing was found, it is armed and pulls half a newton more than its minimum tension. `ask` is called

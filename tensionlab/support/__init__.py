@@ -1,1 +1,1 @@
-"""Arrays, tables, files and whatever else every room needs and no user looks for."""
+"""Arrays, tables, files, messages and other helpers of the whole package."""

@@ -1,6 +1,6 @@
 """Admission of clients by servers on this machine: host name, origin and token.
 
-Any web page can have a browser send requests to this machine; these are the signs by which they are known.
+Any web page can make a browser send requests to this machine; these checks recognise them.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ def names_this_machine(header: Header) -> bool:
 
 
 def loaded_by_other_page(header: Header) -> bool:
-    """Tell whether another site loads this as an image or a script; what follows a link navigates, and is not."""
+    """Return whether another site loads this as an image or a script; following a link is allowed."""
     elsewhere = "cross-site" in header("Sec-Fetch-Site") and "navigate" not in header("Sec-Fetch-Mode")
     return elsewhere and not header("Origin")
 
 
 def knows_token(target: str, header: Header, token: str) -> bool:
-    """Tell whether a request has the token, in its query (``?token=``) or as ``Authorization: Bearer``."""
+    """Return whether a request has the token, in its query (``?token=``) or as ``Authorization: Bearer``."""
     bearer = "".join(header("Authorization")).removeprefix("Bearer ")
     given = parse_qs(urlsplit(target).query).get("token", [bearer])[0]
-    # Takes a time that does not tell how much of the token is right.
+    # In constant time: the duration does not reveal how much of the token is right.
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())

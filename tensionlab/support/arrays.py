@@ -19,10 +19,10 @@ MAX_MAGNITUDE = 1e100  # entries of this size or more are refused: their squares
 
 
 def as_floats(name: str, values: ArrayLike) -> Floats:
-    """Convert numbers to a contiguous, aligned float64 array; one that is so already is returned as it is.
+    """Convert numbers to a contiguous, aligned float64 array, without a copy if they are one already.
 
-    NaN and infinity pass. ShapeError, calling them ``name``, if something would be lost or made up: complex parts,
-    masked entries, None, text, dates, ragged lists.
+    NaN and infinity pass. A `ShapeError`, with the ``name``, refuses complex parts, masked entries, None, text,
+    dates and ragged lists.
     """
     if type(values) is np.ndarray and values.dtype == np.float64:
         return _aligned(np.asarray(values, order="C"))
@@ -46,12 +46,12 @@ def as_floats(name: str, values: ArrayLike) -> Floats:
 
 
 def _aligned(values: Floats) -> Floats:
-    """Copy an array that is a view of bytes at any place, from which no kernel may read."""
+    """Copy an unaligned array, which no kernel may read."""
     return values if values.flags.aligned else values.copy()
 
 
 def _masked(values: object) -> bool:
-    """Tell whether anything is masked, in lists and tuples too, whose masks NumPy silently drops."""
+    """Return whether anything is masked, also in lists and tuples, whose masks NumPy silently drops."""
     if isinstance(values, list | tuple):
         return any(_masked(value) for value in values)
     # By its attribute: to name numpy.ma would load it.
@@ -129,7 +129,7 @@ def check_size(n: int, m: int) -> None:
 
 
 def broadcast_last_axis(name: str, array: Floats, count: int, what: str) -> Floats:
-    """Return an entry for each of ``count`` cables or rows, where one number may stand for all."""
+    """Return one entry for each of ``count`` cables or rows; a single number is repeated."""
     own = array.shape[-1:]
     if own == (count,):
         return array
@@ -144,7 +144,7 @@ def pad_last_axis(array: Floats, count: int) -> Floats:
 
 
 def common_axes(axes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the leading axes that those of the named arrays broadcast to."""
+    """Return the shape to which the leading axes of the named arrays broadcast."""
     different = {shape for shape in axes.values() if shape}
     if len(different) < 2:
         return different.pop() if different else ()

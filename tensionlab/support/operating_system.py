@@ -66,7 +66,7 @@ def kill_command(pid: int) -> str:
 
 
 def lower_priority() -> None:
-    """Leave the processor to others from now on; on Windows, nothing."""
+    """Lower the priority of this process; on Windows, do nothing."""
     if sys.platform != "win32":
         os.nice(NICENESS)
 

@@ -97,7 +97,7 @@ def open_sinks(
 
 
 class FidelitySink:
-    """Sink of a run that tells its fidelity, from its latest `MAX_TIMES` cycles, and how it is scheduled."""
+    """Sink that reports the fidelity of the latest `MAX_TIMES` cycles of a run, and how it is scheduled."""
 
     def __init__(self, rig: Rig) -> None:
         self._record, self._required = FidelityRecord(rig, MAX_TIMES), rig.required.middle(rig)

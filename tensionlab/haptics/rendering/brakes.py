@@ -193,7 +193,6 @@ def brake_map(
     force: float,
     limits: TensionLimits,
     strengths: ArrayLike,
-    rule: LockRule = LOCK_RULE,
 ) -> BrakeMap:
     """Return how motors and brakes resist a push against walls with unit normals (k, d).
 
@@ -204,7 +203,7 @@ def brake_map(
     if not force > 0.0 or U.ndim < 2 or n.ndim != 2:
         found = f"force is {force}, structure has shape {U.shape} and normals {n.shape}"
         raise ShapeError(f"{found}; give a force above 0 N, (..., d, m) and (k, d)")
-    chosen = choose_locks(U[..., None, :, :], n, force, limits, strengths, rule=rule)
+    chosen = choose_locks(U[..., None, :, :], n, force, limits, strengths)
     met = np.einsum("...im,...km->...ki", U, chosen.motors + chosen.brakes)
     along = np.einsum("...ki,ki->...k", met, n)
     across = np.linalg.norm(met - along[..., None] * n, axis=-1)

@@ -85,7 +85,7 @@ class FidelityRecord:
         return effects_fidelity(time, position, measured, tables, infeasible, np.array(counts))
 
 
-def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity: rendered / desired") -> Table:
+def fidelity_table(found: Mapping[str, Fidelity]) -> Table:
     """Return a row for each effect, and what a person would notice as notes."""
 
     def both(come: float, wanted: float, form: Callable[[float], str] = format_number) -> str | None:
@@ -111,4 +111,4 @@ def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity: render
         for name, each in found.items()
         if each.failures()
     ]
-    return Table(columns, rows, title, notes)
+    return Table(columns, rows, "Fidelity: rendered / desired", notes)

@@ -171,20 +171,19 @@ def _require_distance(distance: float) -> None:
         raise InputError(f"the cable's far end is at a finite distance of more than 0 m; got {distance}")
 
 
+FLOOR_M = 1.0
+
+
 class HangingMass(SimulatedModule):
-    """Simulated module with a mass in kg on its cable, first on a floor at a distance in m below the module.
+    """Simulated module with a mass in kg on its cable, first on a floor `FLOOR_M` below the module.
 
     ``m x'' = m g - T``, with x down from the module and T the cable's tension; the floor takes all speed. On the
     floor, `mass` may be changed.
     """
 
-    def __init__(
-        self, mass: float, floor: float = 1.0, *, plant: Mapping[str, float] | None = None, seed: int = 0
-    ) -> None:
-        super().__init__(plant=plant, distance=floor, seed=seed)
-        self.mass = mass
-        self._floor = self._place = floor
-        self._speed = 0.0
+    def __init__(self, mass: float, *, plant: Mapping[str, float] | None = None, seed: int = 0) -> None:
+        super().__init__(plant=plant, distance=FLOOR_M, seed=seed)
+        self.mass, self._place, self._speed = mass, FLOOR_M, 0.0
         self.advance(STEP_S)  # before its first step, a module knows nothing
 
     def advance(self, seconds: float, distance: float | None = None) -> None:
@@ -195,6 +194,6 @@ class HangingMass(SimulatedModule):
             tension = self._module.sample()[TENSION]
             self._speed += (STANDARD_GRAVITY_M_S2 - tension / self.mass) * STEP_S
             self._place += self._speed * STEP_S
-            if self._place >= self._floor:
-                self._place, self._speed = self._floor, 0.0
+            if self._place >= FLOOR_M:
+                self._place, self._speed = FLOOR_M, 0.0
             self._module.advance(1, self._place)

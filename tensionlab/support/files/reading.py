@@ -68,7 +68,7 @@ def brief(value: object) -> str:
 
 
 def as_path(path: str | PathLike[str]) -> Path:
-    """Return a path; an `InputError` for what is none."""
+    """Return a path; an `InputError` refuses anything else."""
     try:
         return Path(path)
     except TypeError:
@@ -78,9 +78,9 @@ def as_path(path: str | PathLike[str]) -> Path:
 def read_bytes(
     path: str | PathLike[str], what: str, error: type[TensionlabError], max_bytes: int = MAX_TEXT_BYTES
 ) -> bytes:
-    """Return the contents of a file; what kind is wanted, such as "a rig file (*.toml)", is for messages.
+    """Return the contents of a file; ``what`` says in messages what to give, such as "a rig file (*.toml)".
 
-    The error is raised, naming the file, if it is not there, is a folder, cannot be read, or is too large.
+    The error names the file if it does not exist, is a folder, cannot be read, or is too large.
     """
     place = as_path(path)
     try:

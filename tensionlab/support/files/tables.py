@@ -22,10 +22,9 @@ MAX_FILE_BYTES = 500_000_000
 
 
 def csv_rows(text: str, source: str, error: type[TensionlabError]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the cells of each line that says something, with its number from 1.
+    """Yield the cells of each line, with its number from 1; skip empty lines and those that begin with #.
 
-    Empty lines, and those that begin with #, are passed over. Cells that are no CSV are refused, as with a
-    quotation mark that is never closed.
+    A line that is not CSV is refused, such as one with an open quotation mark.
     """
     for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.startswith("#"):
@@ -88,7 +87,7 @@ def read_columns(
 
 
 def table_text(columns: Mapping[str, Floats | Sequence[float]]) -> str:
-    """Return columns of numbers as CSV, with as many digits as reading needs to find the same."""
+    """Return columns of numbers as CSV, with ten digits."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

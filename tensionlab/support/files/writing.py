@@ -60,7 +60,7 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
 
 
 def require_new(path: str | PathLike[str], what: str) -> None:
-    """Check that there is nothing at a file's place, or an empty file."""
+    """Check that a file does not exist yet, or is empty."""
     place = as_path(path)
     if os.path.lexists(place) and not (place.is_file() and not place.stat().st_size):
         raise WriteError(f"{path}: there is something already; name a new file for {what}")
