@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from tensionlab.errors import ShapeError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 MAX_MAGNITUDE = 1e100  # entries of this size or more are refused: their squares would overflow
 
@@ -155,7 +156,7 @@ def common_axes(axes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
         raise ShapeError(f"leading axes do not broadcast together: {shapes}; insert axes of length 1") from None
 
 
-def flatten_batch(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
+def flatten_batch(array: NDArray[Scalar], shape: tuple[int, ...], inner: int) -> NDArray[Scalar]:
     """Broadcast an array to all problems, its leading axes made one; read-only, a view where possible."""
     full = shape + array.shape[array.ndim - inner :]
     if array.shape != full:

@@ -35,7 +35,7 @@ from tensionlab.haptics.effects.parameters import Number, checked_dataclass
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, as_floats, common_axes, require_finite
+from tensionlab.support.arrays import Floats, as_floats, common_axes, flatten_batch, require_finite
 
 Flags = NDArray[np.bool_]
 
@@ -122,12 +122,12 @@ def choose_locks(
         }
     )
     locked, tensions, unresisted, available = _native.choose_locks(
-        _rows(U, shape, 2),
-        _rows(n, shape, 1),
-        _rows(F, shape, 0),
-        _rows(push, shape, 0),
-        _rows(now, shape, 1),
-        _rows(stiff, shape, 0),
+        flatten_batch(U, shape, 2),
+        flatten_batch(n, shape, 1),
+        flatten_batch(F, shape, 0),
+        flatten_batch(push, shape, 0),
+        flatten_batch(now, shape, 1),
+        flatten_batch(stiff, shape, 0),
         np.stack([limits.lower, limits.upper, np.maximum(limits.upper, holds)]),
         holds > 0.0,
         rule.margin,
@@ -160,14 +160,6 @@ def _checked(
     if np.abs(np.einsum("...i,...i->...", n, n) - 1.0).max(initial=0.0) > 2e-6:
         raise ShapeError("normal is not a unit vector; divide it by its length")
     return U, n, F, holds
-
-
-def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[Any]:
-    """Return a contiguous array with one row per wall."""
-    own = array.shape[array.ndim - inner :]
-    if array.shape != shape + own:
-        array = np.broadcast_to(array, shape + own)
-    return np.ascontiguousarray(array.reshape((math.prod(shape), *own)))
 
 
 class BrakeMap(NamedTuple):

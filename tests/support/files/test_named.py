@@ -55,7 +55,7 @@ def test_a_wrong_name_is_told_which_one_is_close_and_how_to_list_them(empty):
 
 def test_a_file_whose_suffix_was_left_out_is_told_by_its_path(empty):
     shutil.copy(tl.datasets.folder() / "rigs" / "tetra-4.toml", empty / "mine.toml")
-    with pytest.raises(RigError, match=r"^no rig that comes .* is called 'mine'; for the file give mine\.toml$"):
+    with pytest.raises(RigError, match=r"^no rig of tensionlab is called 'mine'; for the file give mine\.toml$"):
         tl.load_rig("mine")
 
 
