@@ -105,12 +105,10 @@ def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
 def _shortfall(best: Layout, objective: Objective) -> str:
     """Return what the best layout does not have, or not provably, and what to do; empty if it has all."""
     if best.nearest is not None and not best.clear:
-        return (
-            "no layout was found whose cables stay clear of bodies: they come as close as "
-            f"{best.nearest.describe()}; move the person or the target, or give other surfaces"
-        )
+        near = f"no layout was found whose cables stay clear of bodies; closest: {best.nearest.describe()}"
+        return f"{near}; move the person or the target, or give other surfaces"
     advice = (
-        "give more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
+        "give more modules (counts), higher limits, a smaller target, or a longer search (generations, starts)"
     )
     if best.score <= 0:
         held = best.rig.required.describe(best.rig) if best.rig.required else "a force in every direction"

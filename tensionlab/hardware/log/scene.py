@@ -65,16 +65,19 @@ class SceneEncoder:
         colours = ramp(np.where(state.active, state.tensions, np.nan), rig.limits.lower, rig.limits.upper)
         force = measured_wrench(state.structure, state.tensions, state.active)
         size = _vector(np.full(3, ANCHOR_SHARE * self._size))
-        content = _scene_update(
-            time_ns,
-            lines=[_line(np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 3), colours)],
-            spheres=[
+        seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+        entity = {  # replaces the one before
+            "timestamp": {"sec": seconds, "nsec": nanoseconds},
+            "frame_id": FRAME,
+            "id": "run",
+            "lines": [_line(np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 3), colours)],
+            "spheres": [
                 {"pose": {"position": _vector(anchor)}, "size": size, "color": _color(colour)}
                 for anchor, colour in zip(self._in_scene(anchors), colours, strict=True)
             ],
-            arrows=self._arrows(state.pose.position, force[: rig.dimension]),
-        )
-        return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+            "arrows": self._arrows(state.pose.position, force[: rig.dimension]),
+        }
+        return json.dumps({"entities": [entity]}, separators=(",", ":"), allow_nan=False).encode()
 
     def _in_scene(self, points: Floats) -> Floats:
         return in_space(points) @ self._upright.T
@@ -85,13 +88,6 @@ class SceneEncoder:
             return []
         length, thickness = self._metres_per_newton * strength, self._size
         return [_arrow(self._in_scene(start), self._in_scene(force / strength), length, thickness)]
-
-
-def _scene_update(time_ns: int, **primitives: list[Json]) -> Json:
-    """Return the message of one entity, which replaces the one before."""
-    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
-    timestamp = {"sec": seconds, "nsec": nanoseconds}
-    return {"entities": [{"timestamp": timestamp, "frame_id": FRAME, "id": "run", **primitives}]}
 
 
 def _vector(point: Floats) -> Json:
