@@ -53,11 +53,7 @@ def run(
     what = experiment.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         results = experiment.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    rest = (
-        "nothing is kept"
-        if out is None
-        else f"the results are in {out}, but not all figures and the report; the same command measures again"
-    )
+    rest = "nothing is kept" if out is None else f"{out} has the results, but not all figures and the report"
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
         if out is not None:
             _write(results, out, writer)

@@ -93,7 +93,7 @@ def test_results_of_a_benchmark_outlive_its_report(run, bench_folder, monkeypatc
     monkeypatch.setattr(bench, "_write", press)
     code, _, err = run("bench", "--out", bench_folder)
     assert code == 130
-    assert f"the results are in {bench_folder}, but not all figures and the report" in err
+    assert f"{bench_folder} has the results, but not all figures and the report" in err
 
 
 @pytest.mark.parametrize(

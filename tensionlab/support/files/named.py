@@ -36,11 +36,7 @@ def list_names(kind: str, folder: Path | None = None) -> list[str]:
 
 def is_path(word: str | PathLike[str], suffix: str) -> bool:
     """Whether a word is the path of a file, not a name: it has a separator or the suffix, or is no text."""
-    return (
-        not isinstance(word, str)
-        or word.lower().endswith(suffix)
-        or any(separator in word for separator in SEPARATORS)
-    )
+    return not isinstance(word, str) or word.lower().endswith(suffix) or any(mark in word for mark in SEPARATORS)
 
 
 def find(word: str | PathLike[str], kind: str, error: type[TensionlabError]) -> Path:
