@@ -99,9 +99,7 @@ class AllocationJacobian:
         try:
             spread = np.broadcast_to(given, tensions.shape)
         except ValueError:
-            raise ShapeError(
-                f"cotangent has shape {given.shape}, which does not broadcast to the tensions' {tensions.shape}"
-            ) from None
+            raise ShapeError(f"cotangent has shape {given.shape}, not the tensions' {tensions.shape}") from None
         flat = flatten_batch(spread, self._shape, 1)
         return AllocationGradients(*map(self._shaped, _native.allocation_gradients(*self._given(flat))))
 

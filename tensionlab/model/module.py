@@ -261,9 +261,7 @@ def require_name(value: object, where: str, key: str, remedy: str) -> None:
     if not isinstance(value, str) or not value:
         raise RigError(f'{where}: key "{key}" is {"empty" if value == "" else brief(value)}; {remedy}')
     if not value.isprintable() or len(value) > MAX_NAME:
-        raise RigError(
-            f'{where}: key "{key}" is {brief(value)}; give at most {MAX_NAME} characters, all of them printable'
-        )
+        raise RigError(f'{where}: key "{key}" is {brief(value)}; give at most {MAX_NAME} printable characters')
 
 
 def require_number(

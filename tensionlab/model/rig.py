@@ -246,7 +246,7 @@ class Rig(ArrayRecord):
         """Refuse a spherical rig; ``what`` is what needs one whose platform moves, in the plural."""
         if not self.has_position:
             raise RigError(
-                f'rig "{self.name}" is spherical, its platform turns about a fixed point: {what} need another kind'
+                f'rig "{self.name}" is spherical, and turns about a fixed point: {what} need another kind'
             )
 
     @cached_property

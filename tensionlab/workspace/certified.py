@@ -85,9 +85,7 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
     """Return the cells of a region (d, 2), in m, the finest of which have edges of the resolution at most."""
     ends = require_finite("region", region, 2)
     if ends.shape != (dimension, 2):
-        raise InputError(
-            f"region has shape {ends.shape}; give where it starts and ends along {'xyz'[:dimension]}, in m"
-        )
+        raise InputError(f"region has shape {ends.shape}; give its ends along {'xyz'[:dimension]}, in m")
     low, extent = ends[:, 0], ends[:, 1] - ends[:, 0]
     if not (extent >= 0).all() or not (extent > 0).any():
         axis = int(np.argmin(extent))
@@ -98,9 +96,7 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
         raise InputError(f"resolution is {steps.tolist()}; give one length in m, or one for each axis, above zero")
     counts = np.maximum(1, np.ceil(extent / steps * (1 - 1e-12)))
     if not (counts <= MAX_AXIS_CELLS).all():
-        raise InputError(
-            f"resolution is {steps.tolist()}; the region has {counts.max():.2g} of that along an axis"
-        )
+        raise InputError(f"resolution is {steps.tolist()}; an axis of the region has {counts.max():.2g} of that")
     levels = max(0, int(np.log2(counts[extent > 0].min() / MIN_ROOTS)))
     roots = np.where(extent > 0, np.ceil(counts / 2**levels), 1).astype(np.int64)
     return Subdivision(low, extent, roots, levels)

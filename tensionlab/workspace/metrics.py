@@ -304,9 +304,7 @@ def metric(name: str | Metric, **parameters: Any) -> Metric:
     found = METRICS[family]
     known = {each.name: each for each in list(inspect.signature(found.function).parameters.values())[1:]}
     if unknown := [each for each in parameters if each not in known]:
-        raise SweepError(
-            f"metric {family!r} has no parameter {unknown[0]!r}; {registry.suggest(unknown[0], known)}"
-        )
+        raise SweepError(f"{family!r} has no parameter {unknown[0]!r}; {registry.suggest(unknown[0], known)}")
     first = next((each for each in known.values() if each.kind is not each.KEYWORD_ONLY), None)
     if colon:
         if first is None:

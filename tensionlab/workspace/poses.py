@@ -171,9 +171,7 @@ class PoseList:
             rotation, k = as_floats("rotation", self.rotation), len(position)
             expected = (k,) if self.dimension == 2 else (k, 3, 3)
             if rotation.shape != expected:
-                raise ShapeError(
-                    f"rotation has shape {rotation.shape}; {k} positions need orientations of shape {expected}"
-                )
+                raise ShapeError(f"rotation has shape {rotation.shape}; {k} positions need {expected}")
             object.__setattr__(self, "rotation", rotation)
         if self.wrench is not None:
             wrench, (k, d) = require_finite("wrench", self.wrench, 2), position.shape
@@ -261,9 +259,7 @@ def box(
     intervals = [x, y] if z is None else [x, y, z]
     steps = require_finite("step", step, 0)
     if steps.shape not in ((), (len(intervals),)) or not (steps > 0).all():
-        raise InputError(
-            f"step is {brief(steps.tolist())}; give one length in m, or one for each axis, above zero"
-        )
+        raise InputError(f"step is {brief(steps.tolist())}; give one length in m, or one an axis, above zero")
     each_step = np.broadcast_to(steps, len(intervals)).tolist()
     axes = [_axis(*given) for given in zip("xyz", intervals, each_step, strict=False)]
     return Grid(*axes, rotations=rotations)  # type: ignore[arg-type, misc]  # becomes an array

@@ -199,9 +199,7 @@ def _direction_batch(
     vectors = require_finite("directions", directions, 2)
     *leading, count, d = vectors.shape
     if not (count and 1 <= d <= n):
-        raise ShapeError(
-            f"directions have shape {vectors.shape}; give (k, d), with d from 1 to {n}, the rows of structure"
-        )
+        raise ShapeError(f"directions have shape {vectors.shape}; give (k, d), with d from 1 to {n}")
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if not lengths.all():
         raise ShapeError(f"directions{pose.first(lengths[..., 0] == 0)} is zero; give vectors with a direction")

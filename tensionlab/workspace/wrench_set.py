@@ -334,9 +334,7 @@ def _arguments(
         wrenches = require_finite("required centre", required[0], 1)[..., None, :]
         radius = require_finite("required radius", required[1], 0)
     else:
-        raise ShapeError(
-            f"required is a tuple of {len(required)}; a ball is (centre, radius), and vertices are an array"
-        )
+        raise ShapeError(f"required is a tuple of {len(required)}; give (centre, radius), or vertices as an array")
     if (radius < 0).any():
         raise ShapeError(f"required radius is {radius.min():g}; give 0 or more")
     if wrenches.shape[-1] != n:

@@ -72,9 +72,7 @@ class Surface:
         edges, d = as_floats("edges", self.edges), corner.size
         edges = readonly_copy(edges if edges.size else np.empty((0, d)))
         if d not in (2, 3) or edges.ndim != 2 or edges.shape[1] != d or len(edges) > d:
-            raise RigError(
-                f'{here}: key "edges" must list 1 to {d} vectors of {d} coordinates in m, as "corner" has, or none'
-            )
+            raise RigError(f'{here}: key "edges" must list 1 to {d} vectors of {d} coordinates in m, or none')
         if not np.isfinite(edges).all() or (len(edges) and np.linalg.matrix_rank(edges) < len(edges)):
             raise RigError(f'{here}: key "edges" has edges that are zero, parallel or not finite; correct them')
         object.__setattr__(self, "corner", corner)

@@ -187,9 +187,7 @@ def _objective(wanted: ObjectiveTable, space: Space) -> Objective:
         for value, vector in zip(values or (), found, strict=True):
             if len(vector) != d:
                 up = "" if space.up else ', and up = "z" or another axis'
-                raise RigError(
-                    f'[objective]: key "{key}" has {brief(value)}; give {DIRECTIONS} of {d} numbers{up}'
-                )
+                raise RigError(f'[objective]: key "{key}": {brief(value)}; give {DIRECTIONS} of {d} numbers{up}')
         return found or None
 
     return Objective(wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"), wanted.losses)

@@ -267,17 +267,13 @@ class Plan:
         """Refuse a rig that cannot turn as the poses do, lacks a body frame, or that a metric refuses."""
         position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
         if rotation is not None and not KINDS[rig.kind].has_orientation:
-            raise SweepError(
-                f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
-            )
+            raise SweepError(f'the poses have orientations; rig "{rig.name}" cannot turn; leave them out')
         if (
             isinstance(self.poses, PoseList)
             and self.poses.wrench is not None
             and self.poses.wrench.shape[1] > rig.n
         ):
-            raise SweepError(
-                f'the poses have torques, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
-            )
+            raise SweepError(f'the poses have torques; rig "{rig.name}" cannot turn; leave them out')
         turns = None if rotation is None else rotation[:0]
         batch, _ = _batch(rig, position[:0], turns, own_frames(rig, self.frames), self.requirement(rig))
         batch.required.check_rig(rig)

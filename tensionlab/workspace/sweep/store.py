@@ -232,9 +232,7 @@ def _require_same(path: str | Path, sweep: dict[str, Any]) -> None:
     except (GroupNotFoundError, ContainsArrayError, NotADirectoryError, KeyError):
         raise SweepError(f"{path} is there and holds no sweep; give another place to write to") from None
     if differs := [part for part in sweep if held.get(part) != sweep[part]]:
-        raise SweepError(
-            f"{path} holds a sweep that differs in {' and '.join(differs)}; give another place, or delete it"
-        )
+        raise SweepError(f"{path} holds a sweep that differs in {' and '.join(differs)}; give another place")
 
 
 @contextmanager
