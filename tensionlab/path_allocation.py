@@ -107,10 +107,7 @@ def allocate_path(
     check_size(n, m)
     if w.ndim != 2 or not len(w) or w.shape[1] != n or W.shape[:-2] not in ((), (len(w),)):
         raise ShapeError(f"structure {W.shape}, wrench {w.shape}: give (K, n, m) or (n, m), and (K, n)")
-    lower, upper = (
-        _broadcast(name, each, (len(w), m))
-        for name, each in zip(("lower", "upper"), tension_limits(limits), strict=True)
-    )
+    lower, upper = (_broadcast("limits", each, (len(w), m)) for each in tension_limits(limits))
     rates = _broadcast("rate_limits", rate_limits, (m,))
     near = _broadcast("reference", 0.0 if reference is None else reference, (m,))
     if not (rates > 0.0).all() or not 0.0 < dt < math.inf:

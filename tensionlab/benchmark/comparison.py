@@ -286,10 +286,8 @@ def compare(
     if path is not None:
         for each in answers:
             each.continuity = measure_continuity(each.allocator, path, each.allocation)
-    rows = [
-        _score(place, run, desired, found, optima[run.policy or POLICIES[0]])
-        for run, found in zip(runs, of_run, strict=True)
-    ]
+    scored = zip(runs, of_run, strict=True)
+    rows = [_score(place, run, desired, found, optima[run.policy or POLICIES[0]]) for run, found in scored]
     at = poses.times if isinstance(poses, Trajectory) else None
     allocations = tuple(each.allocation for each in of_run)
     return Comparison(rig, place, structure, desired, tuple(rows), allocations, missing, magnitude, at)

@@ -181,9 +181,8 @@ def leaderboard(rows: pandas.DataFrame) -> Table:
     rank = np.maximum.accumulate(np.where(better, np.arange(1, len(table) + 1), 1))
     shares = (Column(track, format=format_share) for track in solved)
     columns = ["rank", "submission", "language", *shares, *MERITS.values(), *LARGEST.values()]
-    return Table(
-        columns, ([place, *row] for place, row in zip(rank, table.itertuples(), strict=True)), "Leaderboard"
-    )
+    ranked = ([place, *row] for place, row in zip(rank, table.itertuples(), strict=True))
+    return Table(columns, ranked, "Leaderboard")
 
 
 def times(rows: pandas.DataFrame) -> list[Table]:

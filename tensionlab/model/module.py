@@ -248,9 +248,7 @@ class Platform(ArrayRecord):
         """Refuse a centre of mass or an inertia that does not suit a kind of rig."""
         dimension, k = KINDS[kind].dimension, KINDS[kind].turns
         if self.com is not None and (not KINDS[kind].has_orientation or self.com.size != dimension):
-            raise RigError(
-                f'[platform]: key "com" does not suit a {kind} rig; leave it out or give {dimension} numbers'
-            )
+            raise RigError(f'[platform]: key "com" does not suit a {kind} rig; give {dimension} numbers, or none')
         if self.inertia is not None and self.inertia.shape != (k, k):
             needs = f"needs ({k}, {k})" if k else "has none, so leave it out"
             raise RigError(f'[platform]: key "inertia" has shape {self.inertia.shape}; a {kind} rig {needs}')

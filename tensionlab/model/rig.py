@@ -154,9 +154,7 @@ class Rig(ArrayRecord):
             if names.count(body.name) > 1:
                 raise RigError(f'body "{body.name}": key "name" is used twice; give each body its own')
             if (size := body.start.size) != self.dimension:
-                raise RigError(
-                    f'body "{body.name}" has {size} coordinates; a {self.kind} rig needs {self.dimension}'
-                )
+                raise RigError(f'body "{body.name}" has {size} coordinates, where the rig has {self.dimension}')
             if body.frame == HAND and HAND in self.frames:
                 raise RigError(f'frame "{HAND}" is the held point where bodies are; rename that of the modules')
 
@@ -245,9 +243,7 @@ class Rig(ArrayRecord):
     def require_position(self, what: str) -> None:
         """Refuse a spherical rig; ``what`` is what needs one whose platform moves, in the plural."""
         if not self.has_position:
-            raise RigError(
-                f'rig "{self.name}" is spherical, and turns about a fixed point: {what} need another kind'
-            )
+            raise RigError(f'rig "{self.name}" is spherical and turns about its home: {what} need another kind')
 
     @cached_property
     def home_orientation(self) -> Floats | None:

@@ -192,9 +192,9 @@ def displacement(rig: Rig, direction: str | ArrayLike) -> Floats:
         direction = rig.upward if direction == "up" else axes[direction]
     twist = require_finite("direction", direction, 1)
     if twist.shape not in ((moves,), (rig.n,)) or not twist.any():
-        count = (
-            f"{rig.n} numbers" if rig.n == moves or not moves else f"{moves} numbers, or {rig.n} with the rotation"
-        )
+        count = f"{rig.n} numbers"
+        if moves and rig.n > moves:
+            count = f"{moves} numbers, or {rig.n} with the rotation"
         raise InputError(f"direction is {brief(twist.tolist())}; give {count}, not all zero")
     twist = pad_last_axis(twist, rig.n)
     return np.asarray(twist / np.linalg.norm(_lengths(rig) * twist))

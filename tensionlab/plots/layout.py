@@ -37,9 +37,8 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
     """
     with one_panel(ax, (6.5, 4.2)) as (figure, axes):
         for layouts, look in ((found.layouts, OFF_FRONT), (found.front, ON_FRONT)):
-            axes.plot(
-                [layout.rig.m for layout in layouts], [layout.score for layout in layouts], clip_on=False, **look
-            )
+            counts, scores = zip(*((layout.rig.m, layout.score) for layout in layouts), strict=True)
+            axes.plot(counts, scores, clip_on=False, **look)
         axes.set_xticks([layout.rig.m for layout in found.layouts])
         axes.set(xlabel="modules", ylabel="score", title=f"score: {found.describe()}")
         axes.set_ylim(bottom=min(0.0, *(layout.score for layout in found.layouts)))

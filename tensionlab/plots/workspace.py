@@ -66,10 +66,8 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     widths, tall = np.ptp(windows[:, 0], axis=1), float(np.ptp(windows[0, 1]))
     scale = min(PANEL_WIDTH / widths.mean(), HIGHEST_PANEL / tall)
     beside = 1.8 + 0.045 * max((len(name) for each in fields for name, _ in each.classes), default=0)
-    size = (
-        beside + scale * widths[:columns].sum() + 0.4 * columns,
-        0.9 + (scale * tall + 0.9 - 0.3 * several) * rows,
-    )
+    across = beside + scale * widths[:columns].sum() + 0.4 * columns
+    size = across, 0.9 + (scale * tall + 0.9 - 0.3 * several) * rows
     with new_figure(size) as figure:
         grid: Any = figure.subplots(
             rows, columns, squeeze=False, sharex="col" if several else False, sharey=several,
@@ -157,10 +155,8 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     axes.set(xlabel=f"{across} (m)", ylabel=f"{along} (m)", aspect="equal")
     title = field.names[number]
     if not field.modules:
-        area = (
-            np.ptp(x) * np.ptp(y) * weighted_share(_slice(field, number) > 0, [node_weights(y), node_weights(x)])
-        )
-        title += f"\nabove zero in {area:.2g} m²"
+        share = weighted_share(_slice(field, number) > 0, [node_weights(y), node_weights(x)])
+        title += f"\nabove zero in {np.ptp(x) * np.ptp(y) * share:.2g} m²"
     axes.set_title(title, fontsize="medium")
     return shades
 

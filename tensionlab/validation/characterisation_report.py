@@ -12,7 +12,7 @@ import numpy as np
 from tensionlab.model.wall_stiffness import HAND_DAMPING
 from tensionlab.support.table import Column, Table
 from tensionlab.validation.characterisation import Characterisation
-from tensionlab.validation.measurements import StaticForce, WallTrial
+from tensionlab.validation.measurements import WallTrial
 from tensionlab.validation.simulated_hand import HAND_MASS_KG
 from tensionlab.validation.statistics import deviations
 
@@ -46,9 +46,8 @@ class Quantity(NamedTuple):
 def quantities(result: Characterisation) -> list[Quantity]:
     """Return the numbers of the report, in its order."""
     plan, cable, steps = result.plan, result.backdrive, result.steps.items()
-    desired, measured = (
-        np.array([getattr(each, name) for each in result.static]) for name in StaticForce._fields[:2]
-    )
+    desired = np.array([each.desired for each in result.static])
+    measured = np.array([each.measured for each in result.static])
     angle, _, _, vector = deviations(desired, measured)
     places = 1e3 * np.array([np.linalg.norm(each.found - each.position) for each in result.static])
     found = [

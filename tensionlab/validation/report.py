@@ -71,9 +71,8 @@ class ValidationResult:
     @property
     def title(self) -> str:
         """Kind, solver, and number and size of the forces."""
-        return (
-            f"{len(self.desired)} forces of {self.setup['force']:g} N, {self.kind}, solver {self.setup['solver']}"
-        )
+        setup = self.setup
+        return f"{len(self.desired)} forces of {setup['force']:g} N, {self.kind}, solver {setup['solver']}"
 
     @property
     def kind(self) -> str:

@@ -173,9 +173,8 @@ def _prove_cells(
                 progress(settled / cells.volume, Bounds(proved[0], cells.volume - proved[1]))
         left = np.concatenate(undecided)
         if len(left) * cell_volume <= gap * cells.volume:
-            found.append(
-                (np.full(len(left), level, np.int8), left, np.zeros(len(left), np.int8), np.zeros((len(left), 2)))
-            )
+            nothing = np.zeros(len(left), np.int8), np.zeros((len(left), 2))
+            found.append((np.full(len(left), level, np.int8), left, *nothing))
             break
         places = cells.children(left)
     level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))

@@ -146,10 +146,8 @@ def _worst_loss(batch: Batch) -> Floats:
 
 def _wrench_feasible(batch: Batch) -> Floats:
     """Whether the cables exert every required wrench within their limits: 1 or 0."""
-    corners = batch.required.at(batch.rig, batch.rotation)
-    tolerance = structure_metrics.feasibility_tolerance(
-        corners + (0.0 if batch.added is None else batch.added[:, None])
-    )
+    added = 0.0 if batch.added is None else batch.added[:, None]
+    tolerance = structure_metrics.feasibility_tolerance(batch.required.at(batch.rig, batch.rotation) + added)
     return (batch.margin >= -tolerance).astype(np.float64)
 
 

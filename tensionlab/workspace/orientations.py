@@ -88,9 +88,8 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Orienta
     if not 0 < np.prod([each.size for each in angles]) <= MAX_ORIENTATIONS:
         raise InputError(f"roll, pitch and yaw have too many combinations; give 1 to {MAX_ORIENTATIONS:,}")
     grid = np.stack(np.meshgrid(*angles, indexing="ij"), axis=-1).reshape(-1, 3)
-    x, y, z = (
-        kinematics.exponential(np.outer(column, axis)) for column, axis in zip(grid.T, np.eye(3), strict=True)
-    )
+    turned = zip(grid.T, np.eye(3), strict=True)
+    x, y, z = (kinematics.exponential(np.outer(column, axis)) for column, axis in turned)
     weights = [node_weights(angles[0]), node_weights(angles[1], _integrate_cosine), node_weights(angles[2])]
     return Orientations(z @ y @ x, reduce(np.multiply.outer, weights).ravel())
 

@@ -216,9 +216,8 @@ class PoseList:
         if self.wrench is not None:
             names = wrench_columns(self.dimension, self.wrench.shape[1])
             for name, column in zip(names, self.wrench.T, strict=True):
-                labels[name] = label(
-                    ("pose",), column, "N" if name[0] == "F" else "N m", f"{name} that is required"
-                )
+                unit = "N" if name.startswith("F") else "N m"
+                labels[name] = label(("pose",), column, unit, f"{name} that is required")
         return labels if self.rotation is None else labels | _orientation("pose", self.rotation)
 
 

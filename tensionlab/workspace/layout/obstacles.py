@@ -75,9 +75,8 @@ class Obstacles(NamedTuple):
 
     def require_clear(self, anchors: Floats, names: Sequence[str]) -> None:
         """Refuse targets, and fixed modules at anchors (f, d), that are closer to a body than its margin."""
-        hand = (
-            np.where(self.held[:, None, None, None], 0.0, self.pieces)[..., None, :] - self.vertices[:, None, None]
-        )
+        points = np.where(self.held[:, None, None, None], 0.0, self.pieces)
+        hand = points[..., None, :] - self.vertices[:, None, None]
         hulls = hand.reshape(-1, hand.shape[2] * hand.shape[3], hand.shape[4])
         near = separate(hulls, np.full(len(hulls), np.inf))[0].reshape(len(self.names), -1).min(axis=-1)
         for what, distances in [("target: the hand", near - self.reach)] + [

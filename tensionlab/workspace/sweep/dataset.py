@@ -98,6 +98,9 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
             raise SweepError("frames: give one pose for each body frame; it is the same all over the sweep")
         return placed
 
+    def attachments(rig: Rig) -> Floats:
+        return rig.attachments @ rig.home_matrix.T
+
     def of_rig(value: Callable[[Rig], Any], units: str, meaning: str) -> Label:
         return label(dims, np.reshape([value(rig) for rig in rigs], shape), units, meaning)
 
@@ -122,12 +125,7 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
         "home": label((*dims, "axis"), homes, "m", "home position of the rig"),
         "module_name": of_modules(lambda rig: [each.name for each in rig.modules], "1", "name of the module"),
         "anchor": of_modules(anchors, "m", "anchor of the module in the world", "axis"),
-        "attachment": of_modules(
-            lambda rig: rig.attachments @ rig.home_matrix.T,
-            "m",
-            "attachment of the cable as turned at home",
-            "axis",
-        ),
+        "attachment": of_modules(attachments, "m", "attachment of the cable as turned at home", "axis"),
         "lower": of_modules(attrgetter("limits.lower"), "N", "minimum tension of the cable"),
         "upper": of_modules(attrgetter("limits.upper"), "N", "maximum tension of the cable"),
         "required": demand(Requirement.describe, "1", "what the cables must exert at every pose"),

@@ -268,11 +268,8 @@ class Plan:
         position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
         if rotation is not None and not KINDS[rig.kind].has_orientation:
             raise SweepError(f'the poses have orientations; rig "{rig.name}" cannot turn; leave them out')
-        if (
-            isinstance(self.poses, PoseList)
-            and self.poses.wrench is not None
-            and self.poses.wrench.shape[1] > rig.n
-        ):
+        wrench = getattr(self.poses, "wrench", None)
+        if wrench is not None and wrench.shape[1] > rig.n:
             raise SweepError(f'the poses have torques; rig "{rig.name}" cannot turn; leave them out')
         turns = None if rotation is None else rotation[:0]
         batch, _ = _batch(rig, position[:0], turns, own_frames(rig, self.frames), self.requirement(rig))
