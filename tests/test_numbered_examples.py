@@ -1,6 +1,7 @@
 """The numbered examples run, say something, and stay short."""
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -16,12 +17,20 @@ def test_there_are_twelve_from_one_allocation_to_a_run():
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_runs_and_is_short(path, tmp_path):
+def test_an_example_runs_and_is_short(path, tmp_path, monkeypatch, capfd):
     assert len(path.read_text(encoding="utf-8").splitlines()) < 60
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path), run_name="__main__")
+    said, complained = capfd.readouterr()
+    assert said.strip()
+    assert complained == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_example_runs_in_a_process_of_its_own(tmp_path):
     kept = os.environ | {"PYTHONWARNINGS": "error"}
     done = subprocess.run(
-        [sys.executable, path], cwd=tmp_path, env=kept, capture_output=True, text=True, check=False
+        [sys.executable, EXAMPLES[-1]], cwd=tmp_path, env=kept, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.strip()
-    assert not list(tmp_path.iterdir())
