@@ -17,6 +17,7 @@ def test_one_command_measures_a_rig_as_a_device(run, tmp_path, monkeypatch):
     for name, values in (few | {"VIBRATIONS_HZ": np.array([20.0, 60.0, 80.0, 100.0])}).items():
         monkeypatch.setattr(f"tensionlab.validation.characterisation.{name}", values)
     monkeypatch.setattr("tensionlab.validation.measurements.MAX_TRIALS", 1)
+    monkeypatch.setattr("tensionlab.validation.protocol.ZERO_S", 0.3)
     out = tmp_path / "tetra"
     code, text, _ = run("characterise", "tetra-4", "--out", out)
     assert code == 0
