@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from tensionlab import cli
 from tensionlab.cli.common import output
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, RigError
 from tensionlab.model.files import load_rig, rig_to_toml
+from tests.helpers.scripts import until
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 AWKWARD = "[/x] $_$ :x:"
@@ -171,15 +171,6 @@ def words_of(pid):
 def heeding_ctrl_c():
     """Let a process be interrupted even where the tests run in the background, which are not."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def until(event):
-    """Wait for something that only a hang keeps from happening, and return it."""
-    end = time.monotonic() + HANG_S
-    while not (found := event()):
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    return found
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="what a process has loaded is listed in /proc")

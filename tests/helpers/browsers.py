@@ -1,7 +1,6 @@
 """A real browser at a design page: Debian's Chromium, driven by Playwright, with WebGL in software."""
 
 import re
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -10,22 +9,13 @@ import pytest
 from tensionlab.model.files import load_rig
 from tensionlab.viewer.design_page import DesignPage
 from tensionlab.viewer.server import PageServer
+from tests.helpers.scripts import HANGS_S, until
 from tools.site.browser import SOFTWARE_WEBGL as OPTIONS
 from tools.site.browser import installed
 
 VISER = "viser-v1.1.1"  # subprotocol of viser's WebSocket
-HANGS_S = 180.0  # only what hangs takes so long
 BROWSER = installed()
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
-
-
-def until(met, what="it"):
-    """Wait until something is so, and return what it gives."""
-    end = time.monotonic() + HANGS_S
-    while not (found := met()):
-        assert time.monotonic() < end, f"{what} never came"
-        time.sleep(0.02)
-    return found
 
 
 @contextmanager

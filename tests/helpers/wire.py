@@ -1,4 +1,4 @@
-"""A client of one module that sees each message, for the tests."""
+"""A client of one module that sees each message, and telemetry of a module, for the tests."""
 
 from __future__ import annotations
 
@@ -6,7 +6,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tensionlab.hardware.client.links import Link, connect
-from tensionlab.hardware.protocol.messages import Acknowledge, Decoder, Message, Ping, Pong, read
+from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
+from tensionlab.hardware.protocol.messages import Acknowledge, Decoder, Message, Ping, Pong, Telemetry, read
+
+
+def telemetry(time_us: int = 0, **changes: object) -> Telemetry:
+    """Return what a module that follows set-points reports, but for some changes."""
+    usual = {"state": State.RUNNING, "faults": Fault(0), "limit": Limit.NONE, "sequence": 0, "tension": 2.0}
+    usual |= {"current": 0.75, "length": 1.0, "speed": 0.0, "supply": 12.0, "winding": 40, "bearable": 6.125}
+    usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
+    return Telemetry(time_us, **(usual | changes))
 
 
 class Client:

@@ -27,6 +27,12 @@ HAND_KG, HAND_NS_M = simulated_hand.HAND_MASS_KG, 2.0
 STILL, MOVE, LOOSE = (HandRequest(grip, RIG.home) for grip in ("hold", "move", "loose"))
 
 
+@pytest.fixture(autouse=True)
+def short_zero(monkeypatch):
+    """Average the sensor at zero tension for less time than a real one needs."""
+    monkeypatch.setattr("tensionlab.validation.protocol.ZERO_S", 0.3)
+
+
 def measured(request, measuring, latency=0.01, rate=50.0, **plant):
     """Measure a simulated rig whose modules have these hardware parameters."""
     plan = CharacterisationPlan(RIG, rate, conditions=Conditions(latency), plant=CLEAN | plant)

@@ -35,25 +35,10 @@ from tensionlab.hardware.runner.armed_modules import ArmedModules
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.module import TensionLimits
+from tests.helpers.wire import telemetry
 
 LONG_S = 30.0
 TTL_S = 0.25
-
-
-def telemetry(time_us=0, **changes):
-    """What a module that follows set-points reports."""
-    usual = {"state": State.RUNNING, "faults": Fault(0), "limit": Limit.NONE, "sequence": 0}
-    usual |= {
-        "tension": 2.0,
-        "current": 0.75,
-        "length": 1.0,
-        "speed": 0.0,
-        "supply": 12.0,
-        "winding": 40,
-        "bearable": 6.125,
-    }
-    usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
-    return Telemetry(time_us, **(usual | changes))
 
 
 def armed(group, notes, on_loss="continue"):

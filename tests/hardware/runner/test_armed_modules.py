@@ -12,8 +12,8 @@ from hypothesis.extra.numpy import arrays
 from tensionlab.demand import Demand, Impedance
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.module import ModuleClient, Received
-from tensionlab.hardware.protocol.codes import BrakeState, Calibration, Code, Fault, Limit, State
-from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop, Telemetry
+from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, State
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
 from tensionlab.hardware.runner.armed_modules import (
     TELEMETRY_UNITS,
     ArmedModules,
@@ -25,6 +25,7 @@ from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tensionlab.model.module import TensionLimits
+from tests.helpers import wire
 
 
 class InterruptedLink(SimulatedLink):
@@ -61,18 +62,7 @@ def test_telemetry_of_before_it_was_armed_is_not_taken_for_a_stop(seed):
 
 def telemetry(time_us=0, at=0.0, **changes):
     """What a module that follows set-points reports, and when it came."""
-    usual = {"state": State.RUNNING, "faults": Fault(0), "limit": Limit.NONE, "sequence": 0}
-    usual |= {
-        "tension": 2.0,
-        "current": 0.7,
-        "length": 1.0,
-        "speed": 0.0,
-        "supply": 12.0,
-        "winding": 40,
-        "bearable": 6.0,
-    }
-    usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
-    return Received(Telemetry(time_us, **(usual | changes)), at)
+    return Received(wire.telemetry(time_us, **changes), at)
 
 
 # What can be true
