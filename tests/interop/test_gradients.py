@@ -108,7 +108,7 @@ def test_what_jax_maps_over_problems_is_the_batch(in_jax):
     whole = tl.allocation_jacobian(cases.structure, cases.wrench, (0.5, 6.0))
     for found, expected in zip(mapped, whole.pull_back(2.0 * whole.allocation.tensions), strict=False):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
-    shared = jax.vmap(effort, (None, 0))(cases.structure[0], cases.wrench)
+    shared = jax.jit(jax.vmap(effort, (None, 0)))(cases.structure[0], cases.wrench)
     expected = tl.allocate(cases.structure[0], cases.wrench, (0.5, 6.0)).tensions
     np.testing.assert_allclose(shared, (expected**2).sum(axis=1), rtol=1e-12)
 
@@ -123,7 +123,7 @@ def test_forward_mode_of_jax_is_the_jacobian_and_second_derivatives_those_of_dif
     rng = np.random.default_rng(1)
     tangents = tuple(rng.normal(size=each.shape) for each in given)
     cotangent = rng.normal(size=cases.lower.shape)
-    _, change = jax.jvp(chosen, given, tangents)
+    _, change = jax.jit(lambda *changes: jax.jvp(chosen, given, changes))(*tangents)
     jacobian = tl.allocation_jacobian(*given[:2], cases.limits, reference=cases.reference)
     expected = sum(
         (each * tangent).sum() for each, tangent in zip(jacobian.pull_back(cotangent), tangents, strict=True)
