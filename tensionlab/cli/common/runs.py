@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import typer
 
@@ -26,16 +26,10 @@ from tensionlab.model.rig import Rig
 _found_by: list[LinkLock | None] = []  # held until this process ends
 
 
-class ReachedModules(NamedTuple):
-    """All modules of a rig, open: their clients, the clock that they go by, and the URL of each."""
-
-    group: ModuleGroup
-    clock: Clock
-    links: dict[str, str]
-
-
-def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> ReachedModules:
-    """Reach all modules of a rig, from the value of ``--modules``, or simulate them in this process.
+def reach_modules(
+    rig: Rig, modules: str | None, motion: Motion | None
+) -> tuple[ModuleGroup, Clock, dict[str, str]]:
+    """Return all modules of a rig, from the value of ``--modules`` or simulated, their clock, and the URL of each.
 
     The motion is that of the platform which simulated modules hold; None for the rig's home.
     """
@@ -46,10 +40,10 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
         links = dict.fromkeys((module.name for module in rig.modules), SIMULATED)
         if not _found_by:
             _found_by.append(lock_simulated())
-        return ReachedModules(world.group(), WorldClock(world, paced=True), links)
+        return world.group(), WorldClock(world, paced=True), links
     links = links_of_rig(rig, modules)
     group = connect(rig, links)
-    return ReachedModules(group, RealClock(group.clients), links)
+    return group, RealClock(group.clients), links
 
 
 def print_required(rig: Rig) -> None:
