@@ -23,7 +23,7 @@ import typer
 
 from tensionlab import __version__
 from tensionlab.cli.common.output import NOTHING_KEPT, print_error
-from tensionlab.cli.common.verbs import ClickException, VerbGroup, Verbs
+from tensionlab.cli.common.verbs import EXAMPLES, ClickException, VerbGroup, Verbs
 from tensionlab.errors import TensionlabError
 from tensionlab.support.operating_system import ONE_THREAD, reader_has_gone
 
@@ -33,17 +33,7 @@ if TYPE_CHECKING:
 BAD_INPUT, INTERRUPTED, STDOUT_CLOSED = 2, 130, 141  # the latter two as shells have it: 128 + SIGINT or SIGPIPE
 PROGRAM = "tensionlab"
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"  # set by a shell that asks for completions
-NUMBER_OPTIONS = (
-    "--at",
-    "--facing",
-    "--force",
-    "--wrench",
-    "--rotation",
-    "--box",
-    "--acceleration",
-    "--step",
-    "--frame",
-)
+NUMBER_OPTIONS = (*EXAMPLES, "--frame")
 # Numbers, also with a unit: the message on it then says how to write them.
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*([a-z°]{1,3}|N·m)?,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {

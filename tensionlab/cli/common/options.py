@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from tensionlab.cli.common.verbs import flag, option, port_option
+from tensionlab.cli.common.verbs import EXAMPLES, flag, option, port_option
 from tensionlab.errors import WriteError
 from tensionlab.model.files import load_requirement, load_rig
 from tensionlab.model.module import KINDS
@@ -26,16 +26,6 @@ from tensionlab.support.formatting import format_count
 from tensionlab.support.provenance import TABLE_SUFFIXES
 from tensionlab.workspace.orientations import Orientations, parse_rotations
 
-EXAMPLES = {
-    "--wrench": "1 2 3 (in N)",
-    "--force": "1 2 3 (in N)",
-    "--at": "0 -0.1 0.3 (in m)",
-    "--rotation": "0 0 0.3 (in rad)",
-    "--facing": "1 0 0",
-    "--box": "-1 1 0 2 -1 1 (in m)",
-    "--step": "0.1 (in m)",
-    "--acceleration": "2 2 1 (in m/s²)",
-}  # how the numbers of an option are written
 STEPS = 40  # number of steps along the longest edge of a box, if no step is given
 
 

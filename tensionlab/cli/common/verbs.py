@@ -15,6 +15,16 @@ from tensionlab.support.formatting import keep_together
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 FORMATTER: Any = typer.Context.formatter_class
 Function = TypeVar("Function", bound=Callable[..., Any])
+EXAMPLES = {
+    "--wrench": "1 2 3 (in N)",
+    "--force": "1 2 3 (in N)",
+    "--at": "0 -0.1 0.3 (in m)",
+    "--rotation": "0 0 0.3 (in rad)",
+    "--facing": "1 0 0",
+    "--box": "-1 1 0 2 -1 1 (in m)",
+    "--step": "0.1 (in m)",
+    "--acceleration": "2 2 1 (in m/s²)",
+}  # how the numbers of an option are written
 
 
 def option(metavar: str, help_text: str, *names: str, **settings: Any) -> Any:
