@@ -69,7 +69,8 @@ def prepare_call(
 ) -> Callable[[object, object], _Result | None]: ...
 def unprepared_call(
     solver: TensionSolver,
-    policies: tuple[str, ...],
+    rules: dict[str | None, int],
+    refuses: Callable[[int, int], str | None] | None,
     largest: float,
     tolerance: float,
     rank_tolerance: float,

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import InputError, ShapeError, Unreachable
-from tensionlab.solvers import SOLVERS, Newton, as_fused_solver, make
+from tensionlab.solvers import SOLVERS, as_fused_solver, make
 from tensionlab.solvers.base import (
     POLICIES,
     RANK_TOLERANCE,
@@ -350,7 +351,7 @@ class Allocator:
 
     def _solve(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
         """Solve a batch, or a problem of another size than the last one."""
-        if type(structure) is np.ndarray and type(wrench) is np.ndarray and structure.ndim == 2:
+        if type(structure) is np.ndarray and structure.ndim == 2:
             self._single = single = (self._prepared.get(structure.shape) or self._prepare(*structure.shape)).single
             allocation = single(structure, wrench)
             if allocation is not None:
@@ -466,15 +467,18 @@ def allocate(
     >>> tl.allocate(structure, forces, rig.limits, policy="direction").scale.round(3)
     array([1.   , 0.244])
     """
-    if isinstance(solver, str) and solver == "newton" and wrench_weights is None:
-        allocation = _allocate_plain(structure, wrench, limits, reference, policy)
+    if isinstance(solver, str) and wrench_weights is None and (single := _unprepared(solver)):
+        allocation = single(structure, wrench, limits, reference, policy)
         if allocation is not None:
             return allocation
     return Allocator(limits, solver, reference, policy, wrench_weights)(structure, wrench)
 
 
-# Without an `Allocator`, whose checks take longer than to solve one problem.
-_allocate_plain = Newton().unprepared(Allocation)
+@cache
+def _unprepared(name: str) -> Callable[..., Allocation | None] | None:
+    """Return what a built-in solver does without an `Allocator`, whose checks take longer than one problem."""
+    fused = as_fused_solver(make(name)) if name in SOLVERS else None
+    return None if fused is None else fused.unprepared(Allocation)
 
 
 def _shaped(verified: Verified, shape: tuple[int, ...]) -> Allocation:

@@ -333,11 +333,12 @@ def test_a_problem_has_the_same_answer_alone_and_in_a_batch(name: str) -> None:
     assert batch.exact.any() == (name != "spidar")  # whose error is small, never nothing
     assert not batch.exact.all()
     for row in range(len(wrench)):
-        single = allocator(structure[row], wrench[row])
-        for field in ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation"):
-            np.testing.assert_array_equal(getattr(single, field), getattr(batch, field)[row])
-            assert getattr(single, field).dtype == getattr(batch, field).dtype
-        assert single.failures == ({0: batch.failures[row]} if row in batch.failures else {})
+        unprepared = tl.allocate(structure[row], wrench[row].tolist(), (0.5, 6), name)
+        for single in (allocator(structure[row], wrench[row]), unprepared):
+            for field in ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation"):
+                np.testing.assert_array_equal(getattr(single, field), getattr(batch, field)[row])
+                assert getattr(single, field).dtype == getattr(batch, field).dtype
+            assert single.failures == ({0: batch.failures[row]} if row in batch.failures else {})
     assert list(batch.failures) == ([0] if name == "polygon" else [])
 
 

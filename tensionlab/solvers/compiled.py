@@ -52,7 +52,8 @@ class CompiledSolver:
     ) -> Callable[[object, object], Result | None]:
         """Return what allocates for one structure matrix and wrench with these limits, (m,), and so on.
 
-        It returns None where the two are not float64 arrays of the right shapes, contiguous and finite.
+        It returns None where the two are not float64 arrays of the right shapes, contiguous and finite; the wrench
+        may be a list of numbers.
         """
         numbers = (rule_of(policy), MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
         return _native.prepare_call(self._compiled(), lower, upper, reference, weights, *numbers, result)
@@ -62,8 +63,12 @@ class CompiledSolver:
     ) -> Callable[[object, object, object, object, object], Result | None]:
         """Return what allocates for one structure matrix, wrench, limits, reference and policy.
 
-        It returns None where the arrays, those of the limits too, are not as `prepare` wants them, where the
-        limits cross, where the reference is not None, "lower" or "middle", and where the policy is unknown.
+        It returns None where structure and wrench are not as `prepare` wants them, where a limit is not such an
+        array, a list of numbers or a number, where the limits cross, where the solver refuses the size or the
+        policy, and where the reference is not None, "lower" or "middle".
         """
+        rules: dict[str | None, int] = {policy: rule_of(policy) for policy in self.policies}
+        rules |= {None: next(iter(rules.values()), rule_of(None))}
+        refuses = getattr(self, "refuses", None)
         numbers = (MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
-        return _native.unprepared_call(self._compiled(), POLICIES, *numbers, result)
+        return _native.unprepared_call(self._compiled(), rules, refuses, *numbers, result)

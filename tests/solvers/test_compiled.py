@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from tensionlab import Status, allocate, solvers
+from tensionlab import Allocation, Status, allocate, solvers
 from tensionlab.errors import UnknownSolver
 from tests.helpers.problems import random_cases
 
@@ -108,3 +108,28 @@ def test_hyper_parameters_that_mean_nothing_are_refused_by_name(solver, settings
 )
 def test_a_word_after_a_colon_is_the_first_hyper_parameter(name, solver):
     assert solvers.make(name) == solver
+
+
+def test_a_plain_problem_needs_no_preparation_and_every_other_one_does():
+    structure, wrench, limits = np.array([[1.0, -1.0]]), [3.0], (1, 6.0)
+    plain = solvers.Newton().unprepared(Allocation)
+    for given in ((wrench, limits), (np.array(wrench), ([1, 1], [6.0, np.float64(6.0)]))):
+        assert plain(structure, *given, None, None).tensions.tolist() == [4.0, 1.0]
+    assert plain(structure, wrench, limits, "middle", "direction").tensions.tolist() == [5.0, 2.0]
+    for other in (
+        (structure[None], wrench, limits, None, None),
+        (structure, (3.0,), limits, None, None),
+        (structure, [3.0, 3.0], limits, None, None),
+        (structure, [None], limits, None, None),
+        (structure, [10**400], limits, None, None),
+        (structure, [np.nan], limits, None, None),
+        (structure, wrench, (1.0, True), None, None),
+        (structure, wrench, (6.0, 1.0), None, None),
+        (structure, wrench, limits, 0.0, None),
+        (structure, wrench, limits, None, "forse"),
+        (structure, wrench, limits, None, ["force"]),
+    ):
+        assert plain(*other) is None
+    polygon = solvers.Polygon().unprepared(Allocation)
+    assert polygon(np.ones((1, 3)), wrench, limits, None, None) is not None
+    assert polygon(np.ones((1, 9)), wrench, limits, None, None) is None

@@ -29,6 +29,32 @@ const double* numbers_of(nb::handle object, std::array<std::size_t, Axes>& shape
   return static_cast<const double*>(PyArray_DATA(array));
 }
 
+bool to_number(PyObject* object, double& number) {
+  if (!PyFloat_Check(object) && !PyLong_CheckExact(object)) return false;
+  number = PyFloat_AsDouble(object);
+  if (!PyErr_Occurred()) return true;
+  PyErr_Clear();
+  return false;
+}
+
+// The numbers of a plain array, of a list or, where one is for all, of a single number, written to the buffer if
+// they are no array; null of anything else.
+const double* vector_of(nb::handle object, std::size_t size, bool one_for_all, double* buffer) {
+  std::array<std::size_t, 1> length{};
+  if (const double* numbers = numbers_of(object, length)) return length[0] == size ? numbers : nullptr;
+  if (one_for_all && to_number(object.ptr(), buffer[0])) {
+    std::fill_n(buffer + 1, size - 1, buffer[0]);
+    return buffer;
+  }
+  if (!PyList_CheckExact(object.ptr()) || static_cast<std::size_t>(PyList_GET_SIZE(object.ptr())) != size) {
+    return nullptr;
+  }
+  for (std::size_t i = 0; i < size; ++i) {
+    if (!to_number(PyList_GET_ITEM(object.ptr(), static_cast<Py_ssize_t>(i)), buffer[i])) return nullptr;
+  }
+  return buffer;
+}
+
 nb::object own(PyObject* made) {
   if (made == nullptr) throw nb::python_error();
   return nb::steal(made);
@@ -108,11 +134,10 @@ struct SingleSolver {
 };
 
 using Vector = Contiguous<double, 1>;
-using Size = std::array<std::size_t, 1>;
 using Sizes = std::array<std::size_t, 2>;
 
 // A function of structure and wrench, with these limits, reference (m) and weights (n). It returns None where the
-// two are anything but plain arrays of the right shapes and of finite numbers.
+// two are anything but plain arrays, or the wrench a list, of the right shapes and of finite numbers.
 nb::object prepare_call(const TensionSolver& solver, const Vector& lower, const Vector& upper,
                         const Vector& reference, const Vector& weights, int rule, double largest, double tolerance,
                         double rank_tolerance, const nb::object& result) {
@@ -132,11 +157,9 @@ nb::object prepare_call(const TensionSolver& solver, const Vector& lower, const 
       [call](nb::handle structure, nb::handle wrench) {
         const std::size_t n = call->weights.size(), m = call->lower.size();
         Sizes shape{};
-        Size components{};
-        const double *matrix = numbers_of(structure, shape), *desired = numbers_of(wrench, components);
-        if (matrix == nullptr || desired == nullptr || shape != Sizes{n, m} || components != Size{n}) {
-          return nb::object(nb::none());
-        }
+        double components[kMaxComponents];
+        const double *matrix = numbers_of(structure, shape), *desired = vector_of(wrench, n, false, components);
+        if (matrix == nullptr || desired == nullptr || shape != Sizes{n, m}) return nb::object(nb::none());
         return call->single.solve(
             call->single.settings.rule, static_cast<int>(n), static_cast<int>(m),
             {matrix, desired, call->lower.data(), call->upper.data(), call->reference.data()},
@@ -149,41 +172,40 @@ bool is(nb::handle object, const char* word) {
   return PyUnicode_CheckExact(object.ptr()) && PyUnicode_CompareWithASCIIString(object.ptr(), word) == 0;
 }
 
-// The rule of a policy in the order of these names, -1 of an unknown one; None is the first.
-int rule_of(const nb::tuple& policies, nb::handle policy) {
-  if (policy.is_none()) return 1;
-  for (std::size_t k = 0; k < policies.size(); ++k) {
-    if (PyUnicode_CheckExact(policy.ptr()) && policies[k].equal(policy)) return static_cast<int>(k) + 1;
-  }
-  return -1;
+// The number of a policy's rule, -1 of an unknown one.
+int rule_of(const nb::dict& rules, nb::handle policy) {
+  if (!policy.is_none() && !PyUnicode_CheckExact(policy.ptr())) return -1;
+  PyObject* rule = PyDict_GetItemWithError(rules.ptr(), policy.ptr());
+  return rule == nullptr ? -1 : nb::cast<int>(nb::handle(rule));
 }
 
 // A function of structure, wrench, limits (a pair, or an object that has both), reference (None, "lower" or
-// "middle") and policy (None or a name). It returns None where anything is not of the plainest kind, or not valid.
-nb::object unprepared_call(const TensionSolver& solver, const nb::tuple& policies, double largest,
-                           double tolerance, double rank_tolerance, const nb::object& result) {
-  const auto single = std::make_shared<const SingleSolver>(solver, 1, largest, tolerance, rank_tolerance, result);
+// "middle") and policy (a key of the rules). It returns None where anything is not of the plainest kind, or not
+// valid, and where refuses, unless None, gives a reason for n components and m cables.
+nb::object unprepared_call(const TensionSolver& solver, const nb::dict& rules, const nb::object& refuses,
+                           double largest, double tolerance, double rank_tolerance, const nb::object& result) {
+  const auto single = std::make_shared<const SingleSolver>(solver, 0, largest, tolerance, rank_tolerance, result);
   return nb::cpp_function(
-      [single, policies](nb::handle structure, nb::handle wrench, nb::handle limits, nb::handle reference,
-                         nb::handle policy) {
+      [single, rules, refuses](nb::handle structure, nb::handle wrench, nb::handle limits, nb::handle reference,
+                               nb::handle policy) {
         const nb::object refused = nb::none();
         const bool pair = PyTuple_CheckExact(limits.ptr());
         if (pair && nb::len(limits) != 2) return refused;
         const nb::object least = pair ? limits[0] : nb::getattr(limits, single->lower, refused);
         const nb::object most = pair ? limits[1] : nb::getattr(limits, single->upper, refused);
         Sizes shape{};
-        Size components{}, below{}, above{};
-        const double *matrix = numbers_of(structure, shape), *desired = numbers_of(wrench, components);
-        const double *lower = numbers_of(least, below), *upper = numbers_of(most, above);
+        const double* matrix = numbers_of(structure, shape);
         const auto [n, m] = shape;
-        if (matrix == nullptr || desired == nullptr || lower == nullptr || upper == nullptr ||
-            components[0] != n || below[0] != m || above[0] != m || n < 1 || n > kMaxComponents || m < 1 ||
-            m > kMaxCables) {
+        if (matrix == nullptr || n < 1 || n > kMaxComponents || m < 1 || m > kMaxCables) return refused;
+        double components[kMaxComponents], below[kMaxCables], above[kMaxCables];
+        const double* desired = vector_of(wrench, n, false, components);
+        const double *lower = vector_of(least, m, true, below), *upper = vector_of(most, m, true, above);
+        const bool at_lower = is(reference, "lower"), at_middle = is(reference, "middle");
+        const int rule = rule_of(rules, policy);
+        if (desired == nullptr || lower == nullptr || upper == nullptr || rule < 0 ||
+            !(reference.is_none() || at_lower || at_middle) || !(refuses.is_none() || refuses(n, m).is_none())) {
           return refused;
         }
-        const bool at_lower = is(reference, "lower"), at_middle = is(reference, "middle");
-        const int rule = rule_of(policies, policy);
-        if (!(reference.is_none() || at_lower || at_middle) || rule < 0) return refused;
         double start[kMaxCables], weights[kMaxComponents];
         for (std::size_t i = 0; i < m; ++i) {
           const double most_allowed = single->settings.largest;
@@ -201,7 +223,8 @@ nb::object unprepared_call(const TensionSolver& solver, const nb::tuple& policie
 
 void bind_single_calls(nb::module_& module) {
   module.def("prepare_call", &prepare_call);
-  module.def("unprepared_call", &unprepared_call);
+  module.def("unprepared_call", &unprepared_call, nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(),
+             nb::arg(), nb::arg());
 }
 
 }  // namespace tensionlab
