@@ -101,6 +101,7 @@ def test_a_file_elsewhere_is_refused(point, path, tmp_path):
 
 @pytest.mark.slow
 @needs_browser
+@pytest.mark.realtime  # a real browser, which on a busy machine complains of what has gone meanwhile
 def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch, browser):
     monkeypatch.chdir(tmp_path)
     with served() as page:
