@@ -82,7 +82,7 @@ def allocate(
 
     The program has a bounded number of steps and no callbacks: it runs where JAX runs, in the type of the arrays.
     JAX computes in float32 unless ``jax_enable_x64`` is set: wrenches then have four digits where the tensions are
-    proved, and a few in a hundred are not.
+    proved, and about one in a hundred is not.
 
     Derivatives exist in both modes, of any order, by all arrays but the weights: those of the tensions with every
     cable at a limit held there, as `tensionlab.AllocationJacobian` has them.

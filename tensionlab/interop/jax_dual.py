@@ -82,12 +82,13 @@ def solve(problem: Bounded, known: Any = False, answer: Any = None) -> Answer:
 def _proof(problem: Bounded, multiplier: Array, square: Array, size: Array) -> Answer:
     """Solve the linear problem of the face on which a multiplier puts the tensions, and check its optimality.
 
-    The solution is optimal if it is inside the limits, no cable could reduce the error by a change that its limits
-    allow, and a multiplier has the same tensions: then none with the same error are closer to the reference.
+    The solution is optimal if it is inside the limits and no cable could reduce the error by a change that its
+    limits allow; and if a multiplier shows that no tensions of the same error are closer to the reference.
+    Cables whose change would increase the error are not among those, whatever the multiplier.
     """
     columns, target, lower, upper, reference = problem
-    rounding = 64.0 * float(jnp.finfo(columns.dtype).eps)
-    found = jnp.clip(pull := reference + columns.T @ multiplier, lower, upper)
+    rounding = 16.0 * float(jnp.finfo(columns.dtype).eps)
+    pull = reference + columns.T @ multiplier
     low, high = pull <= lower, pull >= upper
     free = ~(low | high)
     solution, inverse = solution_on_face(problem, low, high)
@@ -95,16 +96,21 @@ def _proof(problem: Bounded, multiplier: Array, square: Array, size: Array) -> A
     missing = error - inverse.T @ jnp.where(free, columns.T @ error, 0.0)  # normal to the free cables exactly
     push, still = jnp.where(free, columns.T @ error, columns.T @ missing), rounding * jnp.sqrt(square) * size
     stays = (high | (push <= still)) & (low | (push >= -still))
-    on_face = multiplier + inverse.T @ jnp.where(free, solution - pull, 0.0)
-    pull = reference + columns.T @ on_face
+    # Without its part along the missing wrench, which grows from step to step and pulls at no free cable.
+    length = jnp.sqrt(missing @ missing)
+    unit = jnp.where(length > rounding * size, missing / jnp.where(length > 0, length, 1.0), 0.0)
+    on_face = multiplier - unit * (unit @ multiplier)
+    on_face += inverse.T @ jnp.where(free, solution - reference - columns.T @ on_face, 0.0)
+    closest = reference + columns.T @ on_face
     negligible = rounding_share(columns) * (upper - lower) + rounding * jnp.maximum(jnp.abs(lower), jnp.abs(upper))
-    alike = negligible + rounding * (jnp.abs(columns).T @ jnp.abs(on_face))
-    same = jnp.where(free, jnp.abs(pull - solution) <= alike, True)
-    same &= (~low | (pull <= lower + alike)) & (~high | (pull >= upper - alike))
+    alike = negligible + rounding * jnp.sqrt(square) * jnp.sum(jnp.abs(on_face))
+    same = (high | (low & (push < -still)) | (closest <= solution + alike)) & (
+        low | (high & (push > still)) | (closest >= solution - alike)
+    )
     inside = jnp.clip(solution, lower, upper)
     within = jnp.abs(solution - inside) <= negligible
     optimal = jnp.all(stays & same & within & (lower <= upper))
-    tensions = jnp.where(optimal, inside, found)
+    tensions = jnp.where(optimal, inside, jnp.clip(pull, lower, upper))
     return tensions, optimal, jnp.where(optimal, missing, target - columns @ tensions)
 
 

@@ -44,7 +44,9 @@ def orthonormal_rows(structure: Array, wrench: Array) -> Rows:
     inside = jnp.where(known, left.T @ wrench, 0.0)
     outside = jnp.linalg.norm(wrench - left @ inside)
     outside = jnp.where(outside > rounding_share(structure) * jnp.linalg.norm(wrench), outside, 0.0)
-    columns = jnp.vstack([jnp.where(known[:, None], rows, 0.0), jnp.zeros_like(rows[:1])])
+    noise = _rounding(rows) * values[0] / jnp.where(known, values, 1.0)
+    rows = jnp.where(known[:, None] & (jnp.abs(rows) > noise[:, None]), rows, 0.0)
+    columns = jnp.vstack([rows, jnp.zeros_like(rows[:1])])
     strengths = jnp.append(jnp.where(known, values, 1.0), 1.0)
     return Rows(columns, jnp.append(inside, outside) / strengths, strengths)
 
@@ -64,7 +66,7 @@ class Line(NamedTuple):
         return jnp.where(self.reach > 0, self.reach / jnp.where(self.along > 0, self.along, 1.0), 0.0)
 
 
-class State(NamedTuple):
+class SearchState(NamedTuple):
     """Where the search is."""
 
     phase: Array
@@ -110,7 +112,7 @@ class Search(NamedTuple):
         """Return the weights of the rows' errors in a phase."""
         return jnp.where(phase == EXACT, 1.0, self.rows.strengths)
 
-    def cut(self, state: State) -> State:
+    def cut(self, state: SearchState) -> SearchState:
         """Return the next share, or how the search ends; no answer to it yet."""
         missing, exact = state.answer[2], state.phase == EXACT
         normal = self.unit(self.metric(state.phase) * missing)
@@ -122,12 +124,12 @@ class Search(NamedTuple):
         after = _where(rendered | (state.phase == LAST), state._replace(phase=DONE), after)
         return _where(exact & (after.phase == DONE), self._reopened(after), after)
 
-    def _cut_exactly(self, state: State, normal: Array) -> State:
+    def _cut_exactly(self, state: SearchState, normal: Array) -> SearchState:
         """Cut where shares must be rendered exactly; without such a share, try all within tolerance."""
         line = self.line(normal)
         possible = (line.along > self.rounding) & (line.reach >= -self.rounding)
         falls = line.largest() < state.share
-        lower = State(EXACT, line.largest(), normal, state.answer)
+        lower = SearchState(EXACT, line.largest(), normal, state.answer)
         # A share that is too short, by this normal, after one that is too long: their mean may exclude all.
         along = state.normal @ self.rows.target
         mean = self.unit(jnp.abs(along) * normal + jnp.abs(line.along) * state.normal)
@@ -135,7 +137,7 @@ class Search(NamedTuple):
         near = state._replace(phase=jnp.where(none, NONE, NEAR), share=1.0)
         return _where(possible, _where(falls, lower, state._replace(phase=DONE)), near)
 
-    def _cut_nearly(self, state: State, normal: Array) -> State:
+    def _cut_nearly(self, state: SearchState, normal: Array) -> SearchState:
         """Cut where shares count as rendered within the tolerance; the last share is that of the line's angle."""
         line = self.line(normal)
         most = line.moved(self.tolerance)
@@ -145,11 +147,11 @@ class Search(NamedTuple):
         falls = (chosen.along > 0) & (chosen.largest() < state.share)
         falls &= (state.share < 1) | (line.along - line.reach > self.tolerance)
         none = beyond & ~(most.along > 0) & (state.share < 1)
-        lower = State(jnp.where(beyond, NEAR, LAST), chosen.largest(), normal, state.answer)
+        lower = SearchState(jnp.where(beyond, NEAR, LAST), chosen.largest(), normal, state.answer)
         after = _where(falls, lower, state._replace(phase=DONE, normal=normal))
         return _where(none, state._replace(phase=NONE), after)
 
-    def _reopened(self, state: State) -> State:
+    def _reopened(self, state: SearchState) -> SearchState:
         """Try a larger share within tolerance where the wrench grazes the line that allows no larger one."""
         line = self.line(state.normal)
         clear = line.along - line.reach > self.tolerance
@@ -172,15 +174,17 @@ def along_wrench(
     tolerance = max(TOLERANCE, 16.0 * rounding) * jnp.maximum(1.0, jnp.minimum(length, size))
     search = Search(rows, lower, upper, length, tolerance, rounding * size)
 
-    def advance(step: tuple[State, Array]) -> tuple[State, Array]:
+    def advance(step: tuple[SearchState, Array]) -> tuple[SearchState, Array]:
         after = search.cut(step[0])
         problem = rows.bounded(search.metric(after.phase), after.share, *arrays[2:])
         return after._replace(answer=solve(problem, after.phase >= DONE, after.answer)), step[1] + 1
 
-    def unfinished(step: tuple[State, Array]) -> Array:
+    def unfinished(step: tuple[SearchState, Array]) -> Array:
         return (step[0].phase < DONE) & (step[1] < CUTS)
 
-    start = State(jnp.where(rendered, DONE, EXACT), jnp.ones_like(length), jnp.zeros_like(rows.target), whole)
+    start = SearchState(
+        jnp.where(rendered, DONE, EXACT), jnp.ones_like(length), jnp.zeros_like(rows.target), whole
+    )
     state, _ = jax.lax.while_loop(unfinished, advance, (start, 0))
     tensions, optimal, _ = state.answer
     return _where(state.phase == NONE, nearest, (tensions, optimal & (state.phase == DONE)))
