@@ -162,14 +162,21 @@ def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabErr
     """Return the table of a Parquet file, with its manifest."""
     with optional_import("data", "reading Parquet"):
         import pyarrow as pa
+        import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
     data = read_bytes(path, what, error, MAX_FILE_BYTES)
     try:
-        file = pq.ParquetFile(pa.BufferReader(data))
-        require_unpackable(_unpacked_bytes(file.metadata), len(data), str(path), error)
+        schema = pq.read_schema(pa.BufferReader(data))
+        text = [field.name for field in schema if pa.types.is_string(field.type)]
+        file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=text)  # each word once
+        require_unpackable(_unpacked_bytes(file), len(data), str(path), error)
         table = file.read()
         table.validate(full=True)
+        words = [chunk for name in text for chunk in table[name].chunks]
+        lengths = (pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() for chunk in words)
+        require_unpackable(table.nbytes + sum(length or 0 for length in lengths), len(data), str(path), error)
+        table = table.cast(schema)
     except TensionlabError:
         raise
     except Exception as problem:  # whatever a decoder raises over damaged bytes
@@ -185,11 +192,30 @@ def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabErr
     return ParquetTable(str(path), table, manifest)
 
 
-def _unpacked_bytes(metadata: Any) -> int:
-    """Return the bytes that a Parquet file says it unpacks to: its pages, and 8 for each value."""
-    groups = [metadata.row_group(number) for number in range(metadata.num_row_groups)]
-    values = [group.column(column).num_values for group in groups for column in range(metadata.num_columns)]
-    return int(sum(group.total_byte_size for group in groups) + 8 * sum(values))
+def _unpacked_bytes(file: Any) -> int:
+    """Return the bytes that a Parquet file says it unpacks to: pages, values of lists, and empty rows too."""
+    about = file.metadata
+    groups = [about.row_group(number) for number in range(about.num_row_groups)]
+    values = [group.column(column).num_values for group in groups for column in range(about.num_columns)]
+    sizes = [group.total_byte_size for group in groups]
+    if min([about.num_rows, *values, *sizes]) < 0:
+        return -1
+    total: int = sum(sizes) + 8 * sum(values) + about.num_rows * sum(map(_width, file.schema_arrow.types))
+    return total
+
+
+def _width(kind: Any) -> int:
+    """Return the bytes that a row of an Arrow type takes, apart from what is in lists and text."""
+    import pyarrow as pa
+
+    if pa.types.is_fixed_size_list(kind):
+        return int(kind.list_size) * _width(kind.value_type)
+    if pa.types.is_nested(kind):
+        return 8 + sum(_width(kind.field(number).type) for number in range(kind.num_fields))
+    try:
+        return max(8, int(kind.bit_width) // 8)
+    except ValueError:  # of text
+        return 8
 
 
 def read_npz(

@@ -64,7 +64,11 @@ def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, monkeypatch):
     "column",
     [
         pytest.param(lambda: pa.nulls(1_000_000, pa.float64()), id="empty rows"),
+        pytest.param(lambda: pa.nulls(100_000, pa.decimal256(50)), id="wide numbers"),
+        pytest.param(lambda: pa.nulls(1000, pa.binary(100_000)), id="wide bytes"),
+        pytest.param(lambda: pa.nulls(1000, pa.list_(pa.float64(), 10_000)), id="lists of one length"),
         pytest.param(lambda: pa.array([np.zeros(1_000_000)], pa.list_(pa.float64())), id="a list"),
+        pytest.param(lambda: pa.array(["a" * 20_000] * 1000), id="a long word"),
         pytest.param(lambda: pa.array(["ab"] * 1_000_000), id="short words"),
     ],
 )
