@@ -175,7 +175,7 @@ MISTAKES = {
     ),
     "tension no cable bears": (GOOD.replace("3.0\n", "1e12\n"), ['module "right"', "at most 1e+11 N"]),
     "name with a control character": (GOOD.replace('"left"', '"le\\u001bft"'), ['"name"', "printable"]),
-    "long name": (GOOD.replace('"left"', f'"{"l" * 101}"'), ['"name"', "at most 100 characters"]),
+    "long name": (GOOD.replace('"left"', f'"{"l" * 101}"'), ['"name"', "at most 100 printable characters"]),
     "no axis": (GOOD.replace('"point"', '"point"\nup = "w"'), ["\"up\" is 'w'", "x, y, z, -x, -y, -z"]),
     "no TOML": (GOOD + "lower 0.5", ["not valid TOML", "line 18"]),
 }

@@ -21,7 +21,7 @@ from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.parameter_file import parse
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.reader import flat_columns, read_run, report, summarise
-from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, sizes
+from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, labels
 from tensionlab.hardware.runner.program import load_program
 from tensionlab.interop.caspr import load_caspr
 from tensionlab.interop.mjcf import rig_to_mjcf
@@ -228,7 +228,7 @@ def _json_lines(document: Any) -> bytes:
 
 @cache
 def _log() -> dict[str, Any]:
-    length = sizes(RIG)
+    length = {dim: len(names) for dim, names in labels(RIG).items()}
     cycle: dict[str, Any] = {}
     for name, column in COLUMNS.items():
         values = np.zeros([length[dim] for dim in column.dims], TYPES[name]).ravel().tolist()

@@ -253,7 +253,7 @@ def test_an_angle_covers_all_rotations_within_it():
     [
         ({"region": [(0.0, 1.0), (1.0, 0.0)]}, InputError, "along y; give the lower end first"),
         ({"resolution": 0.0}, InputError, "resolution is 0.0"),
-        ({"resolution": 1e-12}, InputError, "along an axis"),
+        ({"resolution": 1e-12}, InputError, "an axis of the region has"),
         ({"required": [1.0, 2.0, 3.0]}, RigError, "needs 2"),
         ({"required": "everything"}, InputError, "wrench-closure"),
         ({"rotations": 0.1}, InputError, "cannot turn"),

@@ -185,7 +185,7 @@ def test_directions_are_words_or_vectors_and_targets_paths_or_boxes(write, tmp_p
 @pytest.mark.parametrize(
     ("good", "bad", "message"),
     [
-        ('"-x"', '"ahead"', '[objective]: key "walls" has \'ahead\'; give words such as "up"'),
+        ('"-x"', '"ahead"', '[objective]: key "walls": \'ahead\'; give words such as "up"'),
         ("[0, 0, 2]", "[0, 0]", "of 3 numbers"),
         (", step = 0.1", "", 'key "step" is missing'),
         ('path = "hand.csv"', 'path = "none.csv"', "none.csv"),
