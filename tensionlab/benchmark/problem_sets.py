@@ -49,6 +49,9 @@ class Group:
     # Of a track: the row of the problem just before, from whose answer a solver may start, (B,); -1 for none.
     previous: Integers | None = None
 
+    def __repr__(self) -> str:
+        return f"<Group {self.label}: structure matrices {self.structure.shape}>"
+
 
 @dataclass(frozen=True)
 class ProblemSet:

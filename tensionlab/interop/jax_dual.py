@@ -44,10 +44,8 @@ def solution_on_face(problem: Bounded, low: Array, high: Array) -> tuple[Array, 
     columns, target, lower, upper, reference = problem
     free = ~(low | high)
     inverse = jnp.linalg.pinv(jnp.where(free, columns, 0.0), rtol=1e3 * float(jnp.finfo(columns.dtype).eps))
-    solution = jnp.where(low, lower, jnp.where(high, upper, reference))
-    for _ in range(2):  # The second time removes what rounding left of the first.
-        solution += jnp.where(free, inverse @ (target - columns @ solution), 0.0)
-    return solution, inverse
+    held = jnp.where(low, lower, jnp.where(high, upper, reference))
+    return held + jnp.where(free, inverse @ (target - columns @ held), 0.0), inverse
 
 
 def solve(problem: Bounded, known: Any = False, answer: Any = None) -> Answer:
@@ -92,12 +90,13 @@ def _proof(problem: Bounded, multiplier: Array, square: Array, size: Array) -> A
     low, high = pull <= lower, pull >= upper
     free = ~(low | high)
     solution, inverse = solution_on_face(problem, low, high)
+    solution += jnp.where(free, inverse @ (target - columns @ solution), 0.0)  # once more, for what rounding left
     error = target - columns @ solution
     missing = error - inverse.T @ jnp.where(free, columns.T @ error, 0.0)  # normal to the free cables exactly
     push, still = jnp.where(free, columns.T @ error, columns.T @ missing), rounding * jnp.sqrt(square) * size
     stays = (high | (push <= still)) & (low | (push >= -still))
     # Without its part along the missing wrench, which grows from step to step and pulls at no free cable.
-    length = jnp.sqrt(missing @ missing)
+    length = jnp.linalg.norm(missing)
     unit = jnp.where(length > rounding * size, missing / jnp.where(length > 0, length, 1.0), 0.0)
     on_face = multiplier - unit * (unit @ multiplier)
     on_face += inverse.T @ jnp.where(free, solution - reference - columns.T @ on_face, 0.0)
