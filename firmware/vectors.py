@@ -46,7 +46,7 @@ FILE = Path(__file__).with_name("vectors.json")
 # All numbers are exact in single precision, and together they hold zeros in every place.
 MESSAGES = (
     Hello(),
-    Arm(session=0x1234),
+    Arm(session=0x1234, stops=3),
     SetTension(session=0x1234, tension=2.5, brake=False, ttl_ms=0),
     SetTension(session=0x1234, tension=0.5, brake=True, ttl_ms=500, rounds=3),
     SetImpedance(
@@ -73,11 +73,13 @@ MESSAGES = (
     Ping(echo=0x0123456789ABCDEF),
     ConfigureTelemetry(period_ms=20),
     Info(
-        protocol=5,
-        firmware=0x0004,
+        protocol=6,
+        firmware=0x0005,
         serial_number=0xDEADBEEF,
         reset_reason=ResetReason.WATCHDOG,
         state=State.IDLE,
+        stops=7,
+        session=0x1200,
         calibrated=True,
         length_known=False,
         parameters=36,

@@ -44,6 +44,8 @@ void Module::send_info(uint8_t sequence) {
   writer.u32(serial_number_);
   writer.u8(static_cast<uint8_t>(reset_reason_));
   writer.u8(static_cast<uint8_t>(state_));
+  writer.u8(stops_);
+  writer.u16(session_);
   writer.u8(p[Parameter::calibrated] == 1.0f ? 1 : 0);
   writer.u8(length_known_ ? 1 : 0);
   writer.u8(static_cast<uint8_t>(kParameterCount));

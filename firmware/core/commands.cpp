@@ -83,29 +83,22 @@ Code Module::arm(const Frame& frame, uint32_t now_us) {
   Arm command;
   const Code code = read(frame, command);
   if (code != Code::ok) return code;
-  // The same command once more, because its acknowledgement was lost. And each session arms only once: a command
-  // that comes twice can't undo a stop.
+  // The same command once more, because its acknowledgement was lost.
   const bool waiting = state_ == State::armed || state_ == State::running;
   if (waiting && command.session == session_) return Code::ok;
-  if (was_used(command.session)) return Code::bad_session;
+  // Whatever way it took: it was sent before a stop that came first.
+  if (command.stops != stops_) return Code::stopped;
+  // Set-points of that one may still be on their way.
+  if (command.session == session_) return Code::bad_session;
   if (!transition(state_, Event::arm).accepted || chore_ != Chore::none) return Code::bad_state;
   if (parameters_[Parameter::calibrated] == 0.0f) return Code::not_calibrated;
   if (monitor_.faults() != 0) return Code::fault_present;
   apply(Event::arm, now_us);
   session_ = command.session;
-  sessions_[next_session_] = session_;
-  next_session_ = static_cast<uint8_t>((next_session_ + 1) % kSessions);
   last_number_ = frame.sequence;
   renewed_us_ = now_us;
   ttl_us_ = static_cast<int32_t>(1000.0f * parameters_[Parameter::ttl]);
   return Code::ok;
-}
-
-bool Module::was_used(uint16_t session) const {
-  for (const uint16_t used : sessions_) {
-    if (used == session) return true;
-  }
-  return false;
 }
 
 template <class Command>
@@ -131,6 +124,7 @@ Code Module::take_set_point(const Frame& frame, uint32_t now_us) {
 
 Code Module::change_state(const Frame& frame, Event event, uint32_t now_us) {
   if (frame.size != 0) return Code::bad_length;
+  ++stops_;
   // A fault can't be cleared while it is there.
   if (event == Event::clear && state_ == State::fault && monitor_.faults() != 0) return Code::fault_present;
   if (!apply(event, now_us)) return Code::bad_state;

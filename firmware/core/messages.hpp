@@ -9,8 +9,8 @@
 namespace tensionlab {
 namespace firmware {
 
-constexpr uint8_t kProtocol = 5;
-constexpr uint16_t kFirmware = 0x0004;  // major, minor: 0.4
+constexpr uint8_t kProtocol = 6;
+constexpr uint16_t kFirmware = 0x0005;  // major, minor: 0.5
 
 enum class Type : uint8_t {
   hello = 0x01,
@@ -49,10 +49,12 @@ enum class Code : uint8_t {
   fault_present = 8,
   unknown_parameter = 9,
   failed = 10,
+  stopped = 11,
 };
 
 struct Arm {
   uint16_t session;
+  uint8_t stops;  // of INFO
 };
 
 struct SetTension {
@@ -113,6 +115,7 @@ inline bool read_flag(Reader& reader, bool& flag) {
 inline Code read(const Frame& frame, Arm& arm) {
   Reader reader(frame.payload, frame.size);
   arm.session = reader.u16();
+  arm.stops = reader.u8();
   if (!reader.exhausted()) return Code::bad_length;
   return arm.session == 0 ? Code::bad_value : Code::ok;
 }

@@ -107,6 +107,7 @@ bool Module::apply(Event event, uint32_t now_us) {
 }
 
 void Module::link_closed(uint32_t now_us) {
+  ++stops_;
   telemetry_period_ms_ = 0;
   parser_.restart();
   outbox_.clear();

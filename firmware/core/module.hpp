@@ -74,6 +74,8 @@ class Module {
   }
 
   State state() const { return state_; }
+  // What ARM is to quote: INFO has it.
+  uint8_t stops() const { return stops_; }
   // What is wrong now, and what was and nobody cleared.
   uint16_t faults() const { return static_cast<uint16_t>(faults_ | monitor_.faults()); }
   float tension() const { return limiter_.tension(); }
@@ -101,8 +103,6 @@ class Module {
   void send_event();
   void send_telemetry(const Sensors& sensors);
 
-  bool was_used(uint16_t session) const;
-
   // Idle, nothing pulls any more, and no chore waits: what the module is made of may be changed.
   bool is_resting() const { return state_ == State::idle && limiter_.tension() == 0.0f && chore_ == Chore::none; }
 
@@ -111,8 +111,6 @@ class Module {
   bool pull(float seconds, uint32_t now_us);
   void warm(const Sensors& sensors, bool on, float seconds);
   bool holds_load(bool active) const;
-
-  static constexpr uint8_t kSessions = 32;
 
   uint32_t serial_number_;
   ResetReason reset_reason_;
@@ -125,8 +123,7 @@ class Module {
   uint32_t entered_us_ = 0;  // when the state began
   bool relaxed_ = false;     // second stage of the timeout: let go for good
   uint16_t session_ = 0;
-  uint16_t sessions_[kSessions] = {};  // that have armed, in a ring
-  uint8_t next_session_ = 0;
+  uint8_t stops_ = 0;         // how many STOP, ESTOP, CLEAR and ends of the link there were
   uint16_t last_number_ = 0;  // of the set-points
   uint32_t renewed_us_ = 0;   // when the last set-point came
   int32_t ttl_us_ = 0;

@@ -16,6 +16,8 @@ class Host {
  public:
   Host(fakes::Port& port, std::uint16_t session) : port_(&port), session_(session) {}
 
+  void hello() { say(firmware::Type::hello, firmware::Writer(payload_)); }
+
   void set_parameter(firmware::Parameter index, double value) {
     firmware::Writer writer(payload_);
     writer.u8(static_cast<std::uint8_t>(index));
@@ -35,6 +37,7 @@ class Host {
   void arm() {
     firmware::Writer writer(payload_);
     writer.u16(session_);
+    writer.u8(stops_);
     say(firmware::Type::arm, writer);
     rounds_ = 0;
   }
@@ -84,6 +87,9 @@ class Host {
       refused = refused || reader.u8() != static_cast<std::uint8_t>(firmware::Code::ok);
       state = static_cast<firmware::State>(reader.u8());
       ++acknowledged;
+    } else if (frame.type == static_cast<std::uint8_t>(firmware::Type::info)) {
+      for (int before = 0; before < 9; ++before) reader.u8();
+      stops_ = reader.u8();
     } else if (frame.type == static_cast<std::uint8_t>(firmware::Type::event)) {
       state = static_cast<firmware::State>(reader.u8());
       faults = static_cast<std::uint16_t>(faults | reader.u16());
@@ -96,7 +102,7 @@ class Host {
   firmware::FrameParser parser_;
   std::uint8_t payload_[firmware::kMaxPayload] = {};
   std::uint16_t session_;
-  std::uint8_t sequence_ = 0, rounds_ = 0;
+  std::uint8_t sequence_ = 0, rounds_ = 0, stops_ = 0;
 };
 
 }  // namespace dangers

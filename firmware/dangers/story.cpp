@@ -82,6 +82,7 @@ void Story::boot(double seconds) {
     advance(0.01);
   }
   host_ = Host(by_bluetooth ? board.air : board.usb, 77);
+  host_.hello();
   if (set_up) set_parameters();
   advance(0.02);
   plant().spool().cut = false;

@@ -21,15 +21,16 @@ class Commands {
  public:
   explicit Commands(Random& random) : random_(random) {}
 
-  // Writes the frame of a command of this type; returns its size on the wire.
-  size_t write(Type type, uint8_t* wire) {
+  // Writes the frame of a command of this type; returns its size on the wire. ARM quotes the module's count of
+  // stops.
+  size_t write(Type type, uint8_t stops, uint8_t* wire) {
     Frame frame;
     const bool again = random_.once_in(40);
     frame.type = static_cast<uint8_t>(type);
     frame.sequence = again ? sequence_ : ++sequence_;
     if (frame.sequence == 0 && !again) ++rounds_;  // a set-point tells the round; ARM begins the first
     Writer writer(frame.payload);
-    fill(type, writer);
+    fill(type, stops, writer);
     frame.size = static_cast<uint8_t>(writer.size());
     if (random_.once_in(50)) frame.size = static_cast<uint8_t>(random_.below(frame.size + 1));
     const size_t size = firmware::write_frame(frame, wire);
@@ -41,12 +42,13 @@ class Commands {
   }
 
  private:
-  void fill(Type type, Writer& writer) {
+  void fill(Type type, uint8_t stops, Writer& writer) {
     switch (type) {
       case Type::arm:
         if (!random_.once_in(6)) ++session_;
         rounds_ = 0;
         writer.u16(random_.once_in(20) ? uint16_t{0} : session_);
+        writer.u8(random_.once_in(20) ? static_cast<uint8_t>(stops - 1) : stops);
         return;
       case Type::set_tension:
         writer.u16(session());

@@ -116,7 +116,7 @@ class Bench {
 
   // The command is received in this turn.
   void send(Type type) {
-    size_ = commands_.write(type, wire_);
+    size_ = commands_.write(type, module_.stops(), wire_);
     const int number = static_cast<int>(type);
     kind_ = kCommand + (number < kCommandTypes ? number : 0);
   }
@@ -252,7 +252,7 @@ class Bench {
   }
 
   void overhear(Type type) {
-    const size_t size = commands_.write(type, wire_);
+    const size_t size = commands_.write(type, module_.stops(), wire_);
     module_.overhear(wire_, size, sensors_.now_us());
   }
 

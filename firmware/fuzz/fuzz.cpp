@@ -134,6 +134,7 @@ class Bench {
     ratio.f32(3.0f);
     send(Type::calibrate, next(), ratio, payload);
     session.u16(++session_);
+    session.u8(module_.stops());
     arm(session, payload + 5);
   }
 
@@ -145,6 +146,7 @@ class Bench {
     switch (script_.below(14)) {
       case 0:
         writer.u16(++session_);
+        writer.u8(module_.stops());
         rounds_ = 0;
         return send(Type::arm, sequence, writer, payload);
       case 1:

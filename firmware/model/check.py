@@ -34,9 +34,9 @@ PROPERTIES = {
     "released": "Released within the time to live of the last valid set-point, whatever is lost; "
     "2 s later slack, and the brake off",
     "in_order": "Follows no set-point that is late, repeated, or of another session",
-    "stop_wins": "After STOP, ESTOP, or the end of the link, no late copy arms a session again",
+    "stop_wins": "After STOP, ESTOP, a fault, or the end of the link, nothing arms that was sent before",
     "estop_lasts": "An emergency stop lasts until CLEAR",
-    "confirmation": "Once a host's stop is confirmed, nothing that it sent before arms",
+    "confirmation": "Once a host's stop is confirmed, its session pulls no more",
 }
 ALL = "all"  # of them at once
 # Each error that can be built in: where it shows, and the property that it breaks.
@@ -47,11 +47,11 @@ ERRORS = {
     "BRAKE_STAYS_ON": ("service", "released"),
     "EIGHT_BITS": ("links", "in_order"),
     "ANY_SESSION": ("links", "in_order"),
-    "FORGETS_SESSIONS": ("links", "stop_wins"),
+    "FORGETS_CLOSED_LINKS": ("links", "stop_wins"),
     "CLOSED_LINK_GOES_ON": ("links", "stop_wins"),
     "RESUMES": ("links", "stop_wins"),
     "STOP_LEAVES_ESTOP": ("links", "estop_lasts"),
-    "OVERTAKEN": ("links", "confirmation"),
+    "IGNORES_STOPS": ("links", "confirmation"),
     "ARMS_UNCALIBRATED": ("service", "sound"),
     "ARMS_WITH_A_FAULT": ("service", "sound"),
     "NO_CLAMP": ("service", "limits"),

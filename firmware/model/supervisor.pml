@@ -35,12 +35,12 @@
 
 mtype = { idle, armed, running, timed_out, fault, estop };
 mtype = { open, closing, closed, releasing, opening };
-mtype = { ok, stale, bad_value, bad_state, bad_session, not_calibrated, fault_present, ignored };
+mtype = { ok, stale, bad_value, bad_state, bad_session, not_calibrated, fault_present, stopped, ignored };
 mtype = { away, arming, commanding, stopping, confirmed };
 mtype = { ticks, begins, arms, sets, stops, estops, clears, closes, restarts, calibrates, limits_to, saves };
 mtype = { NONE, NEVER_EXPIRES, LATE_ONES_RENEW, REPEATED_ARM_RENEWS, BRAKE_STAYS_ON, EIGHT_BITS, ANY_SESSION,
-          FORGETS_SESSIONS, CLOSED_LINK_GOES_ON, RESUMES, STOP_LEAVES_ESTOP, OVERTAKEN, ARMS_UNCALIBRATED,
-          ARMS_WITH_A_FAULT, NO_CLAMP, SETTINGS_WHILE_PULLING };
+          IGNORES_STOPS, FORGETS_CLOSED_LINKS, CLOSED_LINK_GOES_ON, RESUMES, STOP_LEAVES_ESTOP,
+          ARMS_UNCALIBRATED, ARMS_WITH_A_FAULT, NO_CLAMP, SETTINGS_WHILE_PULLING };
 
 /* The module. */
 mtype state = idle;
@@ -50,7 +50,7 @@ byte wanted;              /* that of the last set-point, */
 bool laid;                /* whether that lays the brake on, */
 byte last;                /* and its number */
 byte session;             /* that armed last: 0 none, 1 the host's, 2 another */
-bool used;                /* the host's session has armed */
+bool current;             /* the host's ARM quotes the count of stops as it is now */
 bool bad, latched;        /* a fault is there; one was, and was not cleared */
 bool calibrated = !SERVICE;
 byte upper = UPPER;
@@ -72,8 +72,8 @@ bool arm_sent, stop_sent, arm_acknowledged, stop_acknowledged;
 byte silence = LONG;      /* ticks since the last valid ARM or set-point */
 byte last_age;            /* how many set-points the host sent since the one that was accepted last */
 bool wrong;               /* a set-point was accepted that is late, repeated, or of another session */
-bool stopped = 1;         /* no valid ARM came since the last STOP, ESTOP or closed link */
-bool overtaken;           /* its session had armed by then, and the ARM was not sent since */
+bool over = 1;            /* no ARM came since the last STOP, ESTOP, fault or closed link that was sent after it */
+bool overtaken;           /* one of these came since the host began, which sent its ARM before */
 bool estopped;            /* no CLEAR came since the last ESTOP */
 
 hidden byte number, value, late, lay; /* of the frame that arrives: no part of the state */
@@ -144,7 +144,7 @@ inline tick() {
 inline fault_begins() {
   bad = 1;
   if
-  :: driven -> latched = 1; enter(fault); tension = 0; advance_brake()
+  :: driven -> latched = 1; enter(fault); tension = 0; advance_brake(); ended()
   :: else
   fi
 }
@@ -152,17 +152,18 @@ inline fault_begins() {
 /* An ARM of the host's session, 1, or of another, 2, which is a new one each time. */
 inline take_arm(whose) {
   code = (following && session == whose && whose == 1 -> ok :
-         (whose == 1 && used && ERROR != FORGETS_SESSIONS -> bad_session :
+         (whose == 1 && !current && ERROR != IGNORES_STOPS -> stopped :
+         (whose == 1 && session == 1 -> bad_session :
          (state != idle || saving -> bad_state :
          (!calibrated && ERROR != ARMS_UNCALIBRATED -> not_calibrated :
-         (bad && ERROR != ARMS_WITH_A_FAULT -> fault_present : ok)))));
+         (bad && ERROR != ARMS_WITH_A_FAULT -> fault_present : ok))))));
   if
   :: code == ok && !following -> enter(armed); session = whose; last = number;
     if
-    :: whose == 1 -> used = 1; last_age = arm_age; stopped = stopped && overtaken
-    :: else -> stopped = 0
+    :: whose == 1 -> last_age = arm_age; over = over && overtaken
+    :: else -> over = 0
     fi;
-    silence = (stopped -> silence : 0)
+    silence = (over -> silence : 0)
   :: else -> age = (code == ok && ERROR == REPEATED_ARM_RENEWS -> 0 : age)
   fi
 }
@@ -183,20 +184,22 @@ inline take_set_point(whose, valid) {
   fi
 }
 
-inline ended() { stopped = 1; overtaken = used }
+inline ended() { over = 1; overtaken = 1 }
 
 inline take_stop() {
   code = (state == fault || (state == estop && ERROR != STOP_LEAVES_ESTOP) -> bad_state : ok);
+  current = 0; ended();
   if
-  :: code == ok -> enter(idle); ended()
+  :: code == ok -> enter(idle)
   :: else
   fi
 }
 
-inline take_estop() { enter(estop); estopped = 1; ended(); code = ok }
+inline take_estop() { enter(estop); estopped = 1; current = 0; ended(); code = ok }
 
 inline take_clear() {
   code = (state == fault && bad -> fault_present : ok);
+  current = 0;
   if
   :: code == ok -> latched = 0; estopped = 0;
     if
@@ -212,21 +215,22 @@ inline close_link() {
   :: following && ERROR != CLOSED_LINK_GOES_ON -> enter(timed_out)
   :: else
   fi;
+  current = current && ERROR == FORGETS_CLOSED_LINKS;
   ended(); host = (host == stopping -> away : host); stop_acknowledged = 0; code = ok
 }
 
 /* What was under way is lost, too: a start takes longer than any frame. */
 inline restart() {
-  enter(idle); age = 0; tension = 0; session = 0; used = 0; latched = 0; bad = 0; saving = 0;
+  enter(idle); age = 0; tension = 0; session = 0; current = 0; latched = 0; bad = 0; saving = 0;
   calibrated = saved; upper = saved_upper; brake = open; brake_age = DWELL;
   arm_sent = 0; stop_sent = 0; in_flight = 0; arm_acknowledged = 0; stop_acknowledged = 0;
-  silence = LONG; estopped = 0; stopped = 1; overtaken = 0; code = ok
+  silence = LONG; estopped = 0; over = 1; overtaken = 0; code = ok
 }
 
-/* A run: a session, an ARM, and set-points with numbers that go on from there. */
+/* A run: an answered HELLO, an ARM of a new session, and set-points with numbers that go on from there. */
 inline begin() {
   session = (session == 1 -> 2 : session); /* the run before is another's now */
-  newest = (newest + 1) % 4; arm_number = newest; arm_age = 0; in_flight = 0; used = 0; overtaken = 0;
+  newest = (newest + 1) % 4; arm_number = newest; arm_age = 0; in_flight = 0; current = 1; overtaken = 0;
   arm_sent = 1; stop_sent = 0; arm_acknowledged = 0; stop_acknowledged = 0; host = arming; code = ok
 }
 
@@ -278,14 +282,13 @@ init {
   /* The host goes on. */
   :: if
     :: d_step { LINKS && (host == away || host == confirmed) -> begin(); SAY(begins, 0, 0, 0) }
-    :: d_step { host == arming && arm_sent -> overtaken = 0 } /* sends the ARM again */
     :: d_step { host == arming && arm_acknowledged -> host = commanding; arm_acknowledged = 0 }
     :: d_step { host == arming || host == commanding -> send_set_point() }
     :: d_step { host == arming || host == commanding -> host = stopping; stop_sent = 1; arm_acknowledged = 0 }
     :: d_step { host == stopping && stop_acknowledged -> host = confirmed; stop_acknowledged = 0 }
     fi
 
-  /* What it sent arrives. A stream keeps its order: behind its STOP, its ARM does not come any more. */
+  /* What it sent arrives. */
   :: if
     :: d_step { arm_sent -> number = arm_number; code = ignored;
         if
@@ -307,8 +310,8 @@ init {
           :: else
           fi;
           SAY(sets, 1, in_use, NUMBER_AND_VALUE) } }
-    :: d_step { stop_sent -> take_stop(); arm_sent = (ERROR == OVERTAKEN -> arm_sent : 0);
-        stop_acknowledged = stop_acknowledged || (host == stopping && in_use); /* FAULT and ESTOP count as stopped */
+    :: d_step { stop_sent -> take_stop();
+        stop_acknowledged = stop_acknowledged || (host == stopping && in_use); /* FAULT and ESTOP count as over */
         SAY(stops, in_use, 0, 0) }
     fi
 
@@ -360,8 +363,8 @@ init {
                   (silence >= LONG -> tension == 0 && brake == open))
 /* Follows no set-point that is late, repeated, or of another session. */
 #define IN_ORDER (!wrong)
-/* A stop always wins: no ARM of a session that armed before it arms after it, but one that was sent later. */
-#define STOP_WINS (stopped -> !following)
+/* A stop always wins: no ARM that was sent before it arms after it. */
+#define STOP_WINS (over -> !following)
 /* An emergency stop lasts until CLEAR. */
 #define ESTOP_LASTS (estopped -> state == estop)
 /* A host whose stop was confirmed is right to believe it, for good. */

@@ -55,7 +55,7 @@ def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
     status, out, err = call("info")
     assert (status, err) == (0, "")
     assert [line.split()[:4] for line in out.splitlines()[3:]] == [
-        [name, f"0000000{index}", "0.4", "idle"] for index, name in enumerate(urls, 1)
+        [name, f"0000000{index}", "0.5", "idle"] for index, name in enumerate(urls, 1)
     ]
     status, out, err = run("module", "info", urls["top"], "socket://127.0.0.1:1", "--json")
     assert status == 1

@@ -54,7 +54,7 @@ def pull(client, tension=1.0, ttl_ms=2000):
     """Have an uncalibrated module pull."""
     client.ask(Stop())
     assert client.ask(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)).code is Code.OK
-    assert client.ask(Arm(7)).code is Code.OK
+    assert client.ask(Arm(7, client.ask(Hello(), Info).stops)).code is Code.OK
     client.send(SetTension(7, tension, ttl_ms=ttl_ms))
 
 

@@ -41,6 +41,7 @@ void bring_up(SimulatedModule& module) {
   }
   Writer writer(payload);
   writer.u16(kSession);
+  writer.u8(0);  // no stop since the start
   send(module, Type::arm, 0, writer, payload);
 }
 

@@ -70,17 +70,45 @@ def test_before_its_first_step_a_module_cannot_be_armed():
     assert module.sample.state == State.IDLE
 
 
-def test_arm_may_be_repeated_but_a_session_arms_only_once():
+def test_arm_may_be_repeated_while_it_lasts():
     host = host_in(State.ARMED)
     again = host.say(Arm(SESSION))
     assert again == [Acknowledge(Type.ARM, Code.OK, State.ARMED, SESSION)], "it may have been lost"
     host.pull(2.0)
     assert host.code(Arm(SESSION)) == Code.OK
     assert host.state == State.RUNNING
-    assert host.code(Arm(SESSION + 1)) == Code.BAD_STATE
-    assert host.code(Stop()) == Code.OK
-    assert host.code(Arm(SESSION)) == Code.BAD_SESSION, "a late copy does not undo the stop"
-    assert host.code(Arm(SESSION + 1)) == Code.OK
+    assert host.code(Arm(SESSION + 1, host.info().stops)) == Code.BAD_STATE
+
+
+STOPS = {
+    "STOP": lambda host: host.say(Stop()),
+    "ESTOP, CLEAR": lambda host: host.say(EmergencyStop()) + host.say(Clear()),
+    "the end of the link": lambda host: host.module.close_link(),
+    "STOP by another link": lambda host: host.module._module.overhear(Stop().frame(9).pack()),
+}
+
+
+@pytest.mark.parametrize("stop", STOPS)
+@pytest.mark.parametrize("state", [State.IDLE, State.ARMED, State.RUNNING, State.TIMEOUT])
+def test_no_arm_that_was_sent_before_a_stop_arms_after_it(state, stop):
+    """Neither a late copy nor one that the stop overtook."""
+    host = host_in(state)
+    sent = [Arm(session, host.info().stops) for session in (SESSION, SESSION + 1)]
+    STOPS[stop](host)
+    if host.state == State.TIMEOUT:
+        assert host.code(Stop()) == Code.OK
+    assert [host.code(arm) for arm in sent] == [Code.STOPPED] * 2
+    assert host.state == State.IDLE
+    host.session += 1
+    host.arm()
+
+
+def test_no_arm_that_was_sent_before_a_fault_arms_after_it():
+    host = host_in(State.FAULT)
+    sent = Arm(SESSION + 1, host.info().stops)
+    assert host.code(sent) == Code.BAD_STATE
+    assert host.code(Clear()) == Code.OK
+    assert host.code(sent) == Code.STOPPED
 
 
 @given(st.integers(0, 65535).filter(lambda session: session != SESSION))
@@ -113,15 +141,21 @@ def test_stale_and_repeated_set_points_are_dropped_without_an_answer(first, back
     assert host.state == State.TIMEOUT, "they do not prolong anything"
 
 
-def test_none_of_the_last_sessions_arms_a_module_again():
+def test_two_sessions_in_a_row_differ():
+    """Set-points of the first may still be on their way."""
     host = host_in(State.ARMED)
-    for session in range(SESSION + 1, SESSION + 32):
-        assert host.code(Stop()) == Code.OK
-        assert host.code(Arm(session)) == Code.OK
-    host.code(Stop())
-    for session in range(SESSION, SESSION + 32):
-        assert host.code(Arm(session)) == Code.BAD_SESSION
-    assert host.state == State.IDLE
+    assert host.code(Stop()) == Code.OK
+    info = host.info()
+    assert info.session == SESSION
+    assert host.code(Arm(SESSION, info.stops)) == Code.BAD_SESSION
+    assert host.code(Arm(SESSION + 1, info.stops)) == Code.OK
+
+
+def test_stops_are_counted_around():
+    host = host_in(State.IDLE)
+    for _ in range(256):
+        host.say(Stop())
+    assert host.info().stops == 0
 
 
 @pytest.mark.parametrize("ahead", [1, 2, 127])
@@ -269,7 +303,7 @@ def test_an_emergency_stop_is_cleared_though_something_is_wrong_which_then_keeps
     host.module.damage("supply")
     host.module.advance(0.02)
     assert (host.code(Clear()), host.state) == (Code.OK, State.IDLE)
-    assert host.code(Arm(SESSION + 1)) == Code.FAULT_PRESENT
+    assert host.code(Arm(SESSION + 1, host.info().stops)) == Code.FAULT_PRESENT
 
 
 def test_settings_are_stored_and_found_again_but_not_if_they_are_damaged():

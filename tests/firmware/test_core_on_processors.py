@@ -59,7 +59,7 @@ def test_a_core_that_takes_longer_exceeds_its_budget(tmp_path):
     skip_without("cortex-m4f")
     line = "  supervise(sensors);\n"
     core = changed_core(tmp_path, "module.cpp", line, 2 * line)
-    found = emulate.measure_core("cortex-m4f", 2000, core)
+    found = emulate.measure_core("cortex-m4f", 20_000, core)
     assert any(excess.startswith("step_median is ") for excess in emulate.over_budget("cortex-m4f", found))
 
 

@@ -169,7 +169,7 @@ def pull(module, wire, zero=ZERO):
     module.happen("p")
     assert wire.ask(SetParameter(PARAMETERS["motor_zero"].index, zero)).code is Code.OK
     wire.ask(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
-    assert wire.ask(Arm(5)).code is Code.OK
+    assert wire.ask(Arm(5, wire.ask(Hello(), Info).stops)).code is Code.OK
     wire.send(SetTension(5, 2.0, ttl_ms=2000))
 
 
@@ -267,7 +267,7 @@ def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(pulling):
     air = pulling.connect_bluetooth()
     assert air.ask(Hello(), Info).state is State.TIMEOUT
     assert air.ask(Stop()).code is Code.OK
-    assert air.ask(Arm(6)).code is Code.OK
+    assert air.ask(Arm(6, air.ask(Hello(), Info).stops)).code is Code.OK
     air.send(SetTension(6, 1.0, ttl_ms=2000))
     assert air.ask(Hello(), Info).state is State.RUNNING
     pulling.end_bluetooth()
@@ -283,7 +283,7 @@ def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(module):
     module.happen("p")
     air.send(SetParameter(PARAMETERS["motor_zero"].index, ZERO))
     air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
-    air.send(Arm(5))
+    air.send(Arm(5, stops=1))  # the end of USB's link
     air.send(SetTension(5, 2.0, ttl_ms=2000))
     module.until("driver", 1)
     module.advance(0.1)

@@ -231,7 +231,7 @@ def test_the_first_step_that_is_too_late_is_the_one_after_the_end_of_a_set_point
 def test_what_arms_a_module_lets_it_live_as_long_as_its_own_parameter_says(core):
     """However long set-points of the session before lived."""
     story = [{}, parameter("ttl", 500.0), *READY, {}, SetTension(77, 1.0, False, 2000), {}, Stop(), *[{}] * 200]
-    _, _, state, _ = core(*story, Arm(78), *[{"current": TAUT_A}] * 2100)
+    _, _, state, _ = core(*story, Arm(78, 1), *[{"current": TAUT_A}] * 2100)
     assert (state[-2100:-100] == State.ARMED).all()
     assert state[-100] == State.TIMEOUT
 

@@ -16,6 +16,7 @@ from tensionlab.hardware.protocol.messages import (
     ConfigureTelemetry,
     EmergencyStop,
     Hello,
+    Info,
     SetImpedance,
     SetTension,
     Stop,
@@ -55,6 +56,7 @@ class Watch:
     module: SimulatedModule
     braked: bool = False
     expires: float = 0.0
+    stops: int = 0  # as INFO says it
 
     def send(self, content: bytes) -> None:
         self.module.receive(content)
@@ -68,7 +70,7 @@ class Watch:
 
     def arm(self, session: int, sequence: int) -> None:
         self.expires = max(self.expires, self.module.sample.seconds + 0.25)
-        self.send(Arm(session).frame(sequence).pack())
+        self.send(Arm(session, self.stops).frame(sequence).pack())
 
     def advance(self, seconds: float, distance: float | None = None) -> None:
         before = self.module.sample
@@ -135,7 +137,7 @@ def test_any_messages_at_any_time_with_any_damage(happenings, start_us):
         else:
             host.module.damage(what, broken=kind == "damage")
         watch.advance(wait)
-        host.module.transmit()
+        watch.stops = next((told.stops for told in host.say(Hello(), 0) if isinstance(told, Info)), watch.stops)
     watch.advance(4.5)
     assert not host.module.sample.driver_on
 
@@ -200,7 +202,7 @@ def test_the_clock_may_wrap_around():
         traces = host.hold(3.0, 0.3) + host.hold(0.5, 0.3, brake=True) + host.hold(2.0, 0.5, distance=0.95)
         host.render(rest=0.9, stiffness=40.0, damping=1.0, ttl_ms=400)  # a vibration has its phase by the clock
         traces.append(host.module.trace(3.5))
-        answers = [host.code(Stop()), host.code(Arm(78))]
+        answers = [host.code(Stop()), host.code(Arm(78, host.info().stops))]
         traces.append(host.module.trace(0.4))
         return np.concatenate(traces), answers
 

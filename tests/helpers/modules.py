@@ -11,6 +11,8 @@ from tensionlab.hardware.protocol.messages import (
     Calibrate,
     Decoder,
     EmergencyStop,
+    Hello,
+    Info,
     Message,
     SetImpedance,
     SetParameter,
@@ -72,8 +74,15 @@ class Host:
         if length is not None:
             assert self.code(Calibrate(Calibration.LENGTH, length)) == Code.OK
 
+    def info(self) -> Info:
+        """What the module says of itself; nothing else may come back."""
+        self.hear()
+        (info,) = self.say(Hello(), 0)
+        assert isinstance(info, Info)
+        return info
+
     def arm(self) -> None:
-        assert self.code(Arm(self.session)) == Code.OK
+        assert self.code(Arm(self.session, self.info().stops)) == Code.OK
 
     def pull(self, tension: float, *, brake: bool = False, ttl_ms: int = 0) -> None:
         assert self.say(SetTension(self.session, tension, brake, ttl_ms)) == []

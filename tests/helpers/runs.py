@@ -21,7 +21,7 @@ RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 MANIFEST = {"call": "tensionlab run", "date": "2026-11-21T22:00:00+00:00", "seed": 3, "versions": {"numpy": "2"}}
 
 
-INFO = Info(1, 257, 7, ResetReason.POWER, State.IDLE, True, True, 28, 250, 0.5, 6.0, 3.0, 0.0195, 3.0)
+INFO = Info(1, 257, 7, ResetReason.POWER, State.IDLE, 0, 0, True, True, 28, 250, 0.5, 6.0, 3.0, 0.0195, 3.0)
 
 
 def four():

@@ -113,10 +113,8 @@ class ModuleGroup:
         After an error, that a module refuses or does not answer, the others may be armed: `stop` them.
         """
         kept = dict(zip(self.clients, tensions, strict=True))
-        _, failed = self._together({client: client.new_session() for client in self.clients}, Acknowledge, kept)
-        if again := [client for client, error in failed.items() if client.session_was_used(error)]:
-            _, still = self._together({client: client.new_session() for client in again}, Acknowledge, kept)
-            failed = {client: error for client, error in failed.items() if client not in again} | still
+        infos = zip(self.clients, self._all(messages.Hello(), Info), strict=True)
+        _, failed = self._together({client: client.new_session(info) for client, info in infos}, Acknowledge, kept)
         for client in self.clients:
             client.forget_refusals()  # of set-points that came before the module was armed
         for error in failed.values():

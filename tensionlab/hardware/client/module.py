@@ -86,7 +86,6 @@ class ModuleClient:
     def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
         self.name = name
         self.link = open_link(link, name) if isinstance(link, str) else link
-        self._arm_repeated = False
         self._recorded: list[Telemetry] | None = None
         self.logs: deque[str] = deque(maxlen=MAX_LOGS)  # the module's latest lines of text
         # Sessions must differ from those of other hosts and earlier runs.
@@ -165,16 +164,13 @@ class ModuleClient:
 
     def send(self, command: Message, sequence: int | None = None) -> int:
         """Send a command without waiting and return its number; sent again, it keeps its number."""
-        arms = isinstance(command, messages.Arm)
         if sequence is None:
             with self._arrived:
-                if arms:
-                    sequence, self._arm_repeated = self.endpoint.next_arm(), False
+                if isinstance(command, messages.Arm):
+                    sequence = self.endpoint.next_arm()
                 else:
                     self._sequence = sequence = (self._sequence + 1) % 256
                 self._answers.pop(sequence, None)
-        else:
-            self._arm_repeated |= arms
         self.link.send(command.frame(sequence).pack())
         return sequence
 
@@ -212,25 +208,18 @@ class ModuleClient:
         return self.request(messages.Hello(), Info)
 
     def arm(self) -> None:
-        """Have the module pull with its minimum tension, and wait for set-points of a new session."""
-        try:
-            self.command(self.new_session())
-        except ModuleFault as error:
-            if not self.session_was_used(error):
-                raise
-            self.command(self.new_session())
+        """Have the module pull with its minimum tension, and wait for set-points of a new session.
 
-    def new_session(self) -> messages.Arm:
-        """Draw a session, which a module accepts only once, and return the command that begins it."""
-        self.endpoint.session = self._random.randrange(1, 1 << 16)
-        return messages.Arm(self.endpoint.session)
-
-    def session_was_used(self, error: HardwareError) -> bool:
-        """Return whether arming failed because an earlier host drew the same session (one in 65,535 does).
-
-        False where the command was repeated: it may have armed the module, which another host stopped since.
+        It refuses where a stop comes first, from whichever host.
         """
-        return isinstance(error, ModuleFault) and error.code is Code.BAD_SESSION and not self._arm_repeated
+        self.command(self.new_session(self.hello()))
+
+    def new_session(self, info: Info) -> messages.Arm:
+        """Draw a session other than the module's last, and return the command that begins it."""
+        while (drawn := self._random.randrange(1, 1 << 16)) == info.session:
+            pass
+        self.endpoint.session = drawn
+        return messages.Arm(drawn, info.stops)
 
     def wait(self, seconds: float) -> None:
         """Let time pass by the module's link: a simulated module runs meanwhile, a real one does so anyway."""

@@ -73,12 +73,13 @@ class Code(DescribedCode):
     BAD_LENGTH = 2, "the payload has another length than the command's"
     BAD_VALUE = 3, "a number is not finite, out of its bounds, or inconsistent with another parameter"
     BAD_STATE = 4, "not in this state, or while the module is busy"
-    BAD_SESSION = 5, "the session is not the one that armed the module, or has armed it before"
+    BAD_SESSION = 5, "the session is not the one that armed the module, or armed it last and would again"
     STALE = 6, "the sequence number is not after that of the last set-point (never sent: the set-point is dropped)"
     NOT_CALIBRATED = 7, "N/A is not calibrated; or the cable's length is not known, for an impedance"
     FAULT_PRESENT = 8, "the hardware has a fault now"
     UNKNOWN_PARAMETER = 9, "no parameter has this index"
     FAILED = 10, "the command failed"
+    STOPPED = 11, "a STOP, ESTOP, CLEAR or end of the link came after the INFO that ARM quotes"
 
 
 class Limit(DescribedCode):

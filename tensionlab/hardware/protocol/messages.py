@@ -35,7 +35,7 @@ from tensionlab.hardware.protocol.codes import (
 MAX_PAYLOAD, MAX_PIECE = _native.MAX_PAYLOAD, _native.MAX_PIECE
 DELIMITER = b"\0\0\0"  # end of a frame. It takes three flips to make one of other bytes, none of which is zero.
 CHECKSUM_BYTES = 3  # bytes of a checksum
-PROTOCOL = 5  # version of the protocol; `Info` has the module's
+PROTOCOL = 6  # version of the protocol; `Info` has the module's
 MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
 
 # Layout of a field in the payload, as `struct` format characters.
@@ -163,9 +163,13 @@ class Hello(Message, type=Type.HELLO):
 
 
 class Arm(Message, type=Type.ARM):
-    """Pull with the minimum tension and wait for set-points of this session, any number but 0."""
+    """Pull with the minimum tension and wait for set-points of this session, any number but 0.
+
+    `stops` is that of `Info`.
+    """
 
     session: U16
+    stops: U8 = 0
 
 
 class SetTension(Message, type=Type.SET_TENSION):
@@ -253,8 +257,9 @@ class ConfigureTelemetry(Message, type=Type.CONFIGURE_TELEMETRY):
 class Info(Message, type=Type.INFO):
     """Description of a module.
 
-    firmware: major and minor version, a byte each; spool_radius in m; tension_continuous: what it may pull for
-    good, in N.
+    firmware: major and minor version, a byte each; stops: how many STOP, ESTOP, CLEAR and ends of the link there
+    were; session: the one that armed it last, 0 if none did; spool_radius in m; tension_continuous: what it may
+    pull for good, in N.
     """
 
     protocol: U8
@@ -262,6 +267,8 @@ class Info(Message, type=Type.INFO):
     serial_number: U32
     reset_reason: Annotated[ResetReason, "B"]
     state: Annotated[State, "B"]
+    stops: U8
+    session: U16
     calibrated: Flag
     length_known: Flag
     parameters: U8

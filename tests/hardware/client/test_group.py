@@ -120,7 +120,7 @@ def test_one_that_refuses_to_be_armed_is_told_and_the_others_may_be_armed():
     assert modules.group.stop() == {}
 
 
-def test_a_session_that_an_earlier_host_drew_too_is_drawn_again():
+def test_sessions_are_not_those_before():
     modules = Modules().pull()
     assert modules.group.stop() == {}
     chosen = modules.group.clients[::2]

@@ -14,7 +14,7 @@ from tensionlab.hardware.protocol.codes import Type
 from tensionlab.hardware.protocol.messages import DELIMITER, PROTOCOL, Decoder, Hello, Info, Log, WireFrame, read
 from tests.helpers.modules import serial_port
 
-INFO = struct.pack("<BHI5BH5f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02, 3.0)
+INFO = struct.pack("<BHI3BH3BH5f", PROTOCOL, 1, 1, 0, 0, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02, 3.0)
 
 
 class Liar:
@@ -49,13 +49,13 @@ def client(answer):
 @pytest.mark.parametrize(
     ("kind", "payload", "message"),
     [
-        (Type.INFO, INFO[:-1], "Info has 34 bytes of payload; got 33"),
+        (Type.INFO, INFO[:-1], "Info has 37 bytes of payload; got 36"),
         (
             Type.INFO,
-            INFO[:14] + struct.pack("<5f", float("nan"), 6.0, 3.0, 0.02, 3.0),
+            INFO[:17] + struct.pack("<5f", float("nan"), 6.0, 3.0, 0.02, 3.0),
             "Info: tension_lower is nan",
         ),
-        (Type.INFO, INFO[:14] + struct.pack("<5f", 7, 6, 3, 0.02, 3), "tension_lower 7 is above tension_upper 6"),
+        (Type.INFO, INFO[:17] + struct.pack("<5f", 7, 6, 3, 0.02, 3), "tension_lower 7 is above tension_upper 6"),
         (Type.INFO, INFO[:8] + b"\x63" + INFO[9:], "Info: 99 is not a valid State"),
     ],
 )

@@ -29,7 +29,7 @@ def restore(client, text, origin="file"):
 def test_a_dump_has_all_parameters_with_units_and_the_module_for_information(client):
     text = dump(client)
     document = tomllib.loads(text)
-    assert document["module"] == {"serial_number": 7, "firmware": "0.4"}
+    assert document["module"] == {"serial_number": 7, "firmware": "0.5"}
     assert list(document["parameters"]) == list(PARAMETERS)
     values = {name: float(np.float32(value)) for name, value in document["parameters"].items()}
     assert values == client.link.module.parameters

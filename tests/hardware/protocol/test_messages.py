@@ -91,7 +91,9 @@ def info(**changes):
     usual = {"tension_lower": 0.5, "tension_upper": 6.0, "newton_per_ampere": 3.0, "spool_radius": 0.02}
     usual |= {"tension_continuous": 3.0}
     numbers = (usual | changes).values()
-    return WireFrame(Type.INFO, 0, struct.pack("<BHI5BH5f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers))
+    return WireFrame(
+        Type.INFO, 0, struct.pack("<BHI3BH3BH5f", PROTOCOL, 1, 1, 0, 0, 0, 0, 1, 1, 28, 250, *numbers)
+    )
 
 
 @pytest.mark.parametrize(
@@ -112,13 +114,13 @@ def test_numbers_that_do_not_fit_are_not_sent(session, tension):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 5"),
+        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 6"),
         (WireFrame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
         (WireFrame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])), "Acknowledge: 99 is not a valid Code; does"),
         (WireFrame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
-        (WireFrame(Type.INFO, 0), "Info has 34 bytes of payload; got 0"),
-        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 5: put the firmware"),
-        (WireFrame(Type.INFO, 0, b"\6later, and longer"), "speaks protocol 6, this tensionlab 5: install the"),
+        (WireFrame(Type.INFO, 0), "Info has 37 bytes of payload; got 0"),
+        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 6: put the firmware"),
+        (WireFrame(Type.INFO, 0, b"\7later, and longer"), "speaks protocol 7, this tensionlab 6: install the"),
         (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
         (parameter(math.inf), "value is inf"),
         (info(tension_lower=-math.inf), "Info: tension_lower is -inf"),
