@@ -135,8 +135,8 @@ def certify(
             if progress is not None:
                 progress((number + settled) / rig.m, bounds)
 
-        name, left = module.name, problem.without(number)
-        proofs[name] = _prove_cells(rig, left, f"{words}, {name} lost", cells, gap, scheduler, report)
+        name, reduced = module.name, problem.without(number)
+        proofs[name] = _prove_cells(rig, reduced, f"{words}, {name} lost", cells, gap, scheduler, report)
     return intersection(proofs, f"{words}, any one cable lost")
 
 
@@ -150,7 +150,7 @@ def _prove_cells(
     progress: Callable[[float, Bounds], None] | None,
 ) -> CertifiedWorkspace:
     """Prove a statement, with its words, about all cells: level by level, down to the last or to the gap."""
-    found: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
+    leaves: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
     settled, proved, places = 0.0, np.zeros(2), cells.first()  # volumes that are settled, and inside and outside
     evaluations = 0
     for level in range(cells.levels + 1):
@@ -167,17 +167,17 @@ def _prove_cells(
             undecided.append(task.places[divided])
             done = ~divided
             own = task.places[done]
-            found.append((np.full(len(own), level, np.int8), own, verdicts.verdict[done], verdicts.shares[done]))
-            settled, proved = settled + len(own) * cell_volume, proved + found[-1][3].sum(axis=0) * cell_volume
+            leaves.append((np.full(len(own), level, np.int8), own, verdicts.verdict[done], verdicts.shares[done]))
+            settled, proved = settled + len(own) * cell_volume, proved + leaves[-1][3].sum(axis=0) * cell_volume
             if progress is not None:
                 progress(settled / cells.volume, Bounds(proved[0], cells.volume - proved[1]))
-        left = np.concatenate(undecided)
-        if len(left) * cell_volume <= gap * cells.volume:
-            nothing = np.zeros(len(left), np.int8), np.zeros((len(left), 2))
-            found.append((np.full(len(left), level, np.int8), left, *nothing))
+        remaining = np.concatenate(undecided)
+        if len(remaining) * cell_volume <= gap * cells.volume:
+            nothing = np.zeros(len(remaining), np.int8), np.zeros((len(remaining), 2))
+            leaves.append((np.full(len(remaining), level, np.int8), remaining, *nothing))
             break
-        places = cells.children(left)
-    level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))
+        places = cells.children(remaining)
+    level_of, place, verdict, shares = map(np.concatenate, zip(*leaves, strict=True))
     return CertifiedWorkspace(rig, problem.anchors[0], words, cells, level_of, place, verdict, shares, evaluations)
 
 
@@ -302,18 +302,18 @@ class CellProblem(NamedTuple):
         if self.clearance is None:
             return self._prove_wrenches(centres, half_edges, shares)
         clear = self.clearance.decide(self.anchors, self.arms, self.angle, centres, half_edges)
-        verdict, found = clear.copy(), _whole(clear)
+        verdict, proved_shares = clear.copy(), _whole(clear)
         free = clear >= 0
-        verdict[free], found[free] = self._prove_wrenches(centres[free], half_edges, shares)
+        verdict[free], proved_shares[free] = self._prove_wrenches(centres[free], half_edges, shares)
         unclear = (clear == 0) & (verdict >= 0)
-        verdict[unclear], found[unclear, 0] = 0, 0.0
-        return Verdicts(verdict, found)
+        verdict[unclear], proved_shares[unclear, 0] = 0, 0.0
+        return Verdicts(verdict, proved_shares)
 
     def _prove_wrenches(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
         problem = self if self.weight is None else self._with_weight(*self.weight)
         cells = (self.weight is not None, np.ascontiguousarray(centres), half_edges, shares)
-        verdict, found = _native.certify_cells(*problem[:-2], *cells)  # all but the clearance
-        return Verdicts(verdict, _whole(verdict) if found is None else found)
+        verdict, proved_shares = _native.certify_cells(*problem[:-2], *cells)  # all but the clearance
+        return Verdicts(verdict, _whole(verdict) if proved_shares is None else proved_shares)
 
     def _with_weight(self, force: Floats, arms: Floats) -> CellProblem:
         """Return the statement with the weight as the last cable: its anchor is the force, its tension 1."""
@@ -393,7 +393,8 @@ def cell_problem(
         radius = wanted.ball
         slack = wanted.turned_torque(rig, angle) / length
     anchors, arms, lower, upper, wrenches = (
-        np.ascontiguousarray(each) for each in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
+        np.ascontiguousarray(array)
+        for array in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
     )
     radii, axes = (None, None) if pulleys is None else map(np.ascontiguousarray, pulleys)
     keeps = clearance_problem(rig, clearance, matrices, frames)

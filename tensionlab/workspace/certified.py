@@ -69,7 +69,7 @@ class Subdivision(NamedTuple):
     def children(self, places: Integers) -> Integers:
         """Return the places of the cells into which cells are divided."""
         cut = self.extent > 0
-        parts = np.array(list(product(*((0, 1) if each else (0,) for each in cut))))
+        parts = np.array(list(product(*((0, 1) if is_cut else (0,) for is_cut in cut))))
         doubled = places[:, None] * np.where(cut, 2, 1)
         return np.asarray(doubled + parts).reshape(-1, len(self.low))
 
@@ -222,7 +222,7 @@ class CertifiedWorkspace:
         """Return the bounds of the volume after the loss of each module."""
         columns = ["lost module", Column("volume inside", self.unit), Column("share of the region", "%")]
         rows = [
-            [name, proof.volume.describe(), Bounds(*(100 * each for each in proof.share)).describe()]
+            [name, proof.volume.describe(), Bounds(*(100 * bound for bound in proof.share)).describe()]
             for name, proof in self.losses.items()
         ]
         return Table(columns, rows, f"After the loss of one module; the worst is {self.worst_loss}")
@@ -230,7 +230,7 @@ class CertifiedWorkspace:
     def tally(self) -> dict[int, tuple[int, float]]:
         """Return the number and the volume of the cells of each verdict: 1 inside, -1 outside, 0 undecided."""
         chosen = {verdict: self.verdict == verdict for verdict in MARKS}
-        return {key: (int(each.sum()), float(self.cell_volumes[each].sum())) for key, each in chosen.items()}
+        return {key: (int(mask.sum()), float(self.cell_volumes[mask].sum())) for key, mask in chosen.items()}
 
     @property
     def edges(self) -> Floats:
@@ -250,7 +250,7 @@ class CertifiedWorkspace:
 
     def _cell_of(self, points: Floats) -> Integers:
         """Return the numbers (k,) of the cells that hold points (k, d); -1 for points outside the region."""
-        cells, found = self.subdivision, np.full(len(points), -1)
+        cells, indices = self.subdivision, np.full(len(points), -1)
         within = np.flatnonzero(((points >= cells.low) & (points <= cells.low + cells.extent)).all(axis=1))
         for level in map(int, np.unique(self.level)):
             own = np.flatnonzero(self.level == level)
@@ -260,8 +260,8 @@ class CertifiedWorkspace:
             order = np.argsort(keys)
             where = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(own) - 1)]
             there = keys[where] == wanted
-            found[within[there]] = own[where[there]]
-        return found
+            indices[within[there]] = own[where[there]]
+        return indices
 
     def to_xarray(self) -> xarray.Dataset:
         """Return a row for each cell: its verdict, the shares proved inside and outside, its centre and edges."""

@@ -299,11 +299,14 @@ def metric(name: str | Metric, **parameters: Any) -> Metric:
     family, colon, variant = name.partition(":")
     if family not in METRICS:
         raise SweepError(f"no metric is called {family!r}; {registry.suggest(family, METRICS)}")
-    found = METRICS[family]
-    known = {each.name: each for each in list(inspect.signature(found.function).parameters.values())[1:]}
-    if unknown := [each for each in parameters if each not in known]:
+    registered = METRICS[family]
+    known = {
+        parameter.name: parameter
+        for parameter in list(inspect.signature(registered.function).parameters.values())[1:]
+    }
+    if unknown := [key for key in parameters if key not in known]:
         raise SweepError(f"{family!r} has no parameter {unknown[0]!r}; {registry.suggest(unknown[0], known)}")
-    first = next((each for each in known.values() if each.kind is not each.KEYWORD_ONLY), None)
+    first = next((parameter for parameter in known.values() if parameter.kind is not parameter.KEYWORD_ONLY), None)
     if colon:
         if first is None:
             raise SweepError(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
@@ -313,4 +316,4 @@ def metric(name: str | Metric, **parameters: Any) -> Metric:
             raise SweepError(f"in {name!r}, {variant!r} is no value for its {first.name}; give a number") from None
     elif first is not None and parameters.get(first.name, first.default) != first.default:
         name = f"{family}:{parameters[first.name]}"
-    return replace(found, name=name, parameters=parameters)
+    return replace(registered, name=name, parameters=parameters)

@@ -85,7 +85,7 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Orienta
     """
     given = {"roll": roll, "pitch": pitch, "yaw": yaw}
     angles = [np.atleast_1d(require_finite(name, values, 0)).ravel() for name, values in given.items()]
-    if not 0 < np.prod([each.size for each in angles]) <= MAX_ORIENTATIONS:
+    if not 0 < np.prod([values.size for values in angles]) <= MAX_ORIENTATIONS:
         raise InputError(f"roll, pitch and yaw have too many combinations; give 1 to {MAX_ORIENTATIONS:,}")
     grid = np.stack(np.meshgrid(*angles, indexing="ij"), axis=-1).reshape(-1, 3)
     turned = zip(grid.T, np.eye(3), strict=True)

@@ -203,7 +203,7 @@ class PoseList:
         """Return the poses in a slice of the list."""
         (part,) = where
         arrays = (self.position, self.rotation, self.wrench)
-        return PoseList(*(None if each is None else each[part] for each in arrays))  # type: ignore[arg-type]
+        return PoseList(*(None if array is None else array[part] for array in arrays))  # type: ignore[arg-type]
 
     def arrays(self) -> tuple[Floats, Floats | None]:
         """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None."""

@@ -94,9 +94,9 @@ def isotropic_force(
     # Tensions that render the wrench, whatever their limits, shift the limits for the ball.
     wrenches = flatten_batch(middle, shape, 1)
     tensions = (np.linalg.pinv(W, RANK_TOLERANCE) @ wrenches[..., None])[..., 0]
-    found = _native.isotropic_force(W, lower - tensions, upper - tensions, forces, RANK_TOLERANCE)
+    radii = _native.isotropic_force(W, lower - tensions, upper - tensions, forces, RANK_TOLERANCE)
     missing = np.linalg.norm(wrenches - np.einsum("bnm,bm->bn", W, tensions), axis=1)
-    return np.where(missing <= feasibility_tolerance(wrenches), found, 0.0).reshape(shape)[()]
+    return np.where(missing <= feasibility_tolerance(wrenches), radii, 0.0).reshape(shape)[()]
 
 
 def feasible_direction_fraction(
@@ -165,9 +165,9 @@ def squared_tension(
     sums = np.empty(desired.shape[:2])
     step = max(1, ALLOCATIONS_PER_CALL // desired.shape[1])
     for part in (slice(start, start + step) for start in range(0, len(desired), step)):
-        found = Allocator((lower[part, None], upper[part, None]))(W[part, None], desired[part])
-        squares = np.einsum("bkm,bkm->bk", found.tensions, found.tensions)
-        sums[part] = np.where(found.status == Status.EXACT, squares, np.nan)
+        allocation = Allocator((lower[part, None], upper[part, None]))(W[part, None], desired[part])
+        squares = np.einsum("bkm,bkm->bk", allocation.tensions, allocation.tensions)
+        sums[part] = np.where(allocation.status == Status.EXACT, squares, np.nan)
     return SquaredTension(sums.mean(axis=1).reshape(shape)[()], sums.max(axis=1).reshape(shape)[()])
 
 
@@ -178,10 +178,10 @@ def feasibility_tolerance(wrenches: Floats) -> float:
 
 def _offset(wrench: ArrayLike | None, n: int) -> Floats:
     """Return a wrench that is rendered at the same time, (..., n)."""
-    found = np.zeros(n) if wrench is None else require_finite("offset_wrench", wrench, 1)
-    if found.shape[-1] != n:
-        raise ShapeError(f"offset_wrench has {found.shape[-1]} components where structure has {n} rows")
-    return found
+    offset = np.zeros(n) if wrench is None else require_finite("offset_wrench", wrench, 1)
+    if offset.shape[-1] != n:
+        raise ShapeError(f"offset_wrench has {offset.shape[-1]} components where structure has {n} rows")
+    return offset
 
 
 def _direction_batch(

@@ -227,7 +227,7 @@ def loss_margins(structure: ArrayLike, limits: TensionRange, required: RequiredW
         raise ShapeError("structure has one cable, and nothing is left after its loss; give two or more")
     margins = []
     for lost in range(m):
-        W, lower, upper = (np.delete(each, lost, axis=-1) for each in batch[:3])
+        W, lower, upper = (np.delete(array, lost, axis=-1) for array in batch[:3])
         margins.append(_native.capacity_margin(W, lower, upper, wrenches, RANK_TOLERANCE))
     return np.asarray(np.stack(margins, axis=-1).reshape(*batch.shape, m) - radius[..., None])
 

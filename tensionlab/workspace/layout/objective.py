@@ -35,12 +35,12 @@ def as_targets(target: Targets, dimension: int, *, turns: bool = False) -> tuple
         if not len(points):
             raise ShapeError("target has no points; give at least one position of the hand")
         given = (PoseList(points),)
-    for each in given:
-        positions, rotations = each.arrays()
+    for poses in given:
+        positions, rotations = poses.arrays()
         pose.points(positions, dimension, "target")
         if rotations is not None and not turns:
             raise ShapeError("target has orientations, but the hand is a point here; leave them out")
-        if isinstance(each, PoseList) and each.wrench is not None:
+        if isinstance(poses, PoseList) and poses.wrench is not None:
             raise ShapeError("target has wrenches; leave them out, and say what is required of the whole target")
     return tuple(given)
 
@@ -109,10 +109,10 @@ class Objective:
         from scipy.linalg import block_diag
 
         shares = [
-            reduce(np.multiply.outer, each.weights()).ravel()
-            if isinstance(each, Grid)
-            else np.full(len(each.position), 1.0 / len(each.position))
-            for each in targets
+            reduce(np.multiply.outer, target.weights()).ravel()
+            if isinstance(target, Grid)
+            else np.full(len(target.position), 1.0 / len(target.position))
+            for target in targets
         ]
         grid = targets[0] if len(targets) == 1 and isinstance(targets[0], Grid) else None
         step = "" if grid is None else describe_step((grid.x, grid.y, grid.z))
@@ -128,7 +128,7 @@ class Objective:
         if self.losses:
             intact, cables = replace(self, losses=0), np.arange(structure.shape[-1])
             cases = [limits, *(limits.only(cables != lost) for lost in cables)]
-            return np.asarray(np.min([intact.values(structure, each, required, ball) for each in cases], axis=0))
+            return np.asarray(np.min([intact.values(structure, case, required, ball) for case in cases], axis=0))
         margin = capacity_margin(structure, limits, required) - ball
         further: list[Floats] = []
         if self.directions is not None:
@@ -148,21 +148,21 @@ class Objective:
 
     def score(self, values: Floats) -> Floats:
         """Return the score (...) of layouts with least values (..., P) over the points: a share, N or N/m."""
-        found = self._worst(values)
+        worst = self._worst(values)
         if self.level is None and self.walls is not None:
-            return np.where((found >= LEAST_MODULE_STIFFNESS) | (found < 0), found, host_stiffness())
-        return found
+            return np.where((worst >= LEAST_MODULE_STIFFNESS) | (worst < 0), worst, host_stiffness())
+        return worst
 
     def merit(self, values: Floats) -> Floats:
         """Return the score (...), with a little to rank layouts of the same share, from values (..., P).
 
         More for what the worst point has to spare or, where something is missing, less for the mean of that.
         """
-        found = self._worst(values)
+        worst = self._worst(values)
         if self.level is None:
-            return found
+            return worst
         spare = np.maximum(values.min(axis=-1) / self.level - 1, 0.0)
-        return found + TIE_WEIGHT * np.asarray(spare - self._means(self.missing(values)).mean(axis=-1))
+        return worst + TIE_WEIGHT * np.asarray(spare - self._means(self.missing(values)).mean(axis=-1))
 
     def smooth(self, values: Floats, sharpness: float) -> Floats:
         """Return a continuous approximation (...) of the merit for gradients, from values (..., P).

@@ -47,8 +47,8 @@ class Obstacles(NamedTuple):
         ]
         return cls(
             tuple(body.name for body in bodies),
-            np.concatenate([_pieces(each, 2**d) for each in targets]),
-            np.stack([np.resize(each, (max(map(len, corners)), d)) for each in corners]),
+            np.concatenate([_pieces(target, 2**d) for target in targets]),
+            np.stack([np.resize(vertices, (max(map(len, corners)), d)) for vertices in corners]),
             np.array([body.radius + body.sway for body in bodies]),
             np.array([body.margin for body in bodies]),
             np.array([body.frame == HAND for body in bodies]),

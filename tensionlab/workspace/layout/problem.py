@@ -84,12 +84,12 @@ class LayoutProblem(NamedTuple):
             obstacles = Obstacles.of(space.bodies, targets, space.one_module.at_rest)
             obstacles.require_clear(space.placed.fixed[:, 0], [module.name for module in space.fixed])
         d, turns = space.dimension, None
-        arrays = [each.arrays() for each in targets]
-        points = np.concatenate([each for each, _ in arrays])
+        arrays = [target.arrays() for target in targets]
+        points = np.concatenate([positions for positions, _ in arrays])
         if space.attachments:
             turns = np.concatenate([
-                np.tile(np.eye(d), (len(each), 1, 1)) if turn is None else pose.rotations(turn, d, "target")
-                for each, turn in arrays
+                np.tile(np.eye(d), (len(positions), 1, 1)) if turn is None else pose.rotations(turn, d, "target")
+                for positions, turn in arrays
             ])  # fmt: skip
         angles = np.arctan2(turns[:, 1, 0], turns[:, 0, 0]) if turns is not None and d == 2 else turns
         required = space.required.at(space.one_module, angles) / space.divisors
@@ -107,13 +107,13 @@ class LayoutProblem(NamedTuple):
         """Return `Objective.values` (..., C, P) of layouts of cables (..., m, e, d), at all poses or others."""
         poses = self.poses if poses is None else poses
         limits = limits or self.space.tension_limits(cables.shape[-3] - len(self.space.fixed))
-        flat, found = cables.reshape(-1, *cables.shape[-3:]), []
+        flat, chunks = cables.reshape(-1, *cables.shape[-3:]), []
         rows = max(1, MAX_CHUNK_POINTS // len(poses.points))
         for start in range(0, len(flat), rows):
             _, directions, arms = _route(flat[start : start + rows, None], poses)
             structure = kinematics.structure_matrix(directions, arms) / self.space.divisors[:, None]
-            found.append(self.objective.values(structure, limits, poses.required, self.space.required.ball))
-        values = np.moveaxis(np.concatenate(found, axis=1), 0, 1)
+            chunks.append(self.objective.values(structure, limits, poses.required, self.space.required.ball))
+        values = np.moveaxis(np.concatenate(chunks, axis=1), 0, 1)
         return values.reshape(*cables.shape[:-3], *values.shape[1:])
 
     def linear(self, places: Placement, poses: TargetPoses) -> Linear:
@@ -126,13 +126,13 @@ class LayoutProblem(NamedTuple):
             vectors, directions, arms = _route(cables[None], poses)
             divisors = space.divisors[:, None]
             structure = kinematics.structure_matrix(directions, arms) / divisors
-            found = margin_gradient(structure, space.tension_limits(k * len(images)), poses.required)
-            by_structure = found.structure / divisors
+            gradient = margin_gradient(structure, space.tension_limits(k * len(images)), poses.required)
+            by_structure = gradient.structure / divisors
             by_end = [kinematics.anchor_gradient(by_structure, vectors, arms)]
             if poses.turns is not None:
                 by_arm = kinematics.attachment_gradient(by_structure, directions, by_end[0])
                 by_end.append(by_arm @ poses.turns)
-            values = (found.margin - space.required.ball)[None]
+            values = (gradient.margin - space.required.ball)[None]
             own = np.stack(by_end, axis=-2)[:, : k * len(images)].reshape(-1, k, len(images), e, d)
             slopes = np.einsum("pkgei,gij,kexj->pkex", own, images, edges)
         else:
@@ -248,7 +248,7 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
             step = _best_step(objective, here, bounds, sharpness)
             ahead = Placement(places.surfaces, np.clip(places.along + step, 0.0, 1.0))
             there = problem.linear(ahead, cloud)
-            merits = [objective.smooth(each.values[:, :own].min(axis=0), sharpness) for each in (there, here)]
+            merits = [objective.smooth(linear.values[:, :own].min(axis=0), sharpness) for linear in (there, here)]
             closer = there.spare.min(initial=0.0) - here.spare.min(initial=0.0)
             if closer > MIN_GAIN or (closer >= 0.0 and merits[0] - merits[1] > MIN_GAIN):
                 places, here, radius = ahead, there, min(2 * radius, MAX_STEP)
@@ -292,8 +292,8 @@ def _best_step(objective: Objective, here: Linear, bounds: tuple[Floats, Floats]
         limits.append((0.0, None))
     cost = np.concatenate([np.zeros(slope.shape[1]), cost])
     # Unscaled and small: presolving takes longer than solving.
-    found = linprog(cost, A_ub=matrix, b_ub=bound, bounds=limits, method="highs", options={"presolve": False})
-    step: Floats = np.zeros_like(low) if found.x is None else found.x[: low.size].reshape(low.shape)
+    solution = linprog(cost, A_ub=matrix, b_ub=bound, bounds=limits, method="highs", options={"presolve": False})
+    step: Floats = np.zeros_like(low) if solution.x is None else solution.x[: low.size].reshape(low.shape)
     return step
 
 

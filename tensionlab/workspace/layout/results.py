@@ -122,7 +122,7 @@ class LayoutSearch:
 
     def table(self) -> Table:
         """Return the table of the layouts, by their number of modules."""
-        rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
+        rows = [[layout.rig.m, layout.score, layout.worst, layout in self.front] for layout in self.layouts]
         columns = ["modules", "score", Column("worst margin", "N"), "better than with fewer"]
         return Table(columns, rows, f"score: {self.describe()}")
 

@@ -83,7 +83,7 @@ def search_layout(
         if number < 1:
             raise InputError(f"{what} is {number}; give 1 or more")
     targets = as_targets(target, space.dimension, turns=bool(space.attachments))
-    if certify and any(not isinstance(each, Grid) and each.rotation is not None for each in targets):
+    if certify and any(not isinstance(poses, Grid) and poses.rotation is not None for poses in targets):
         raise InputError("certify: a path with orientations cannot be proved; give a box, or leave certify out")
     problem = LayoutProblem.of(space, targets, objective)
     counts = sorted(space.counts)
@@ -133,8 +133,8 @@ def _best_places(
     for number in range(2 * starts):
         start = queue[number] if number < len(queue) else _hop(problem, best, random)
         polished, values = polish(problem, start)
-        if (found := problem.rank(polished, values)) > rank:
-            best, rank = polished, found
+        if (polished_rank := problem.rank(polished, values)) > rank:
+            best, rank = polished, polished_rank
         report(1 / 3 + (number + 1) / (3 * starts))
     return best
 
@@ -158,15 +158,15 @@ def _explore(
     def cost(genes: Floats) -> Floats:
         places = layouts(genes.T)
         too_close = -problem.spare(places).clip(max=0.0).sum(axis=-1)
-        found = TOO_CLOSE * (1.0 + too_close)
+        costs = TOO_CLOSE * (1.0 + too_close)
         clear = too_close == 0.0
         if clear.any():
             cables = problem.space.cables(Placement(places.surfaces[clear], places.along[clear]))
-            found[clear] = -problem.objective.merit(problem.values(cables).min(axis=-2))
-        return np.asarray(found)
+            costs[clear] = -problem.objective.merit(problem.values(cables).min(axis=-2))
+        return np.asarray(costs)
 
     passed = count_from(1)
-    found = differential_evolution(
+    result = differential_evolution(
         cost,  # type: ignore[arg-type]  # the stubs know no vectorized functions
         Bounds(np.zeros(size), np.ones(size)),
         vectorized=True,
@@ -178,8 +178,8 @@ def _explore(
         polish=False,
         callback=lambda *_: report(next(passed) / generations),
     )
-    everyone = layouts(found.population)
-    order = np.argsort(found.population_energies, kind="stable")
+    everyone = layouts(result.population)
+    order = np.argsort(result.population_energies, kind="stable")
     return [Placement(everyone.surfaces[index], everyone.along[index]) for index in order]
 
 
@@ -213,8 +213,10 @@ def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, hi
             pushed = around + pad_last_axis(pushed, rig.n)
             wrenches = np.concatenate([around, pushed.reshape(-1, rig.n)])
             required = replace(rig.required, box=None, acceleration=None, wrenches=wrenches)
-        intact = all(_holds(rig, each, required) for each in targets)
-        return intact and (not objective.losses or all(_holds(rig, each, required, losses=1) for each in targets))
+        intact = all(_holds(rig, poses, required) for poses in targets)
+        return intact and (
+            not objective.losses or all(_holds(rig, poses, required, losses=1) for poses in targets)
+        )
 
     survives = rig.m > rig.n or not objective.losses
     if not highest >= 0 or not survives or not proved(0.0):

@@ -216,7 +216,7 @@ class Space:
         """Matrices (g, d, d) that take a cable to its images by symmetry, the identity first."""
         d = self.dimension
         known = [*"xyz"[:d], *(f"{order}-fold" for order in range(2, MAX_ORDER + 1))]
-        found = [np.eye(d)]
+        group = [np.eye(d)]
         for word in self.symmetry:
             if word not in known:
                 raise RigError(f'symmetry has {brief(word)}; give "x", "y" or another axis, or "3-fold"')
@@ -229,8 +229,8 @@ class Space:
                 images = [*kinematics.planar_rotation(angles)]
                 if d == 3 and self.up is not None:
                     images = [*kinematics.exponential(angles[:, None] * upward(self.up, d))]
-            found = [one @ other for one, other in product(found, images)]
-        return np.stack(found)
+            group = [one @ other for one, other in product(group, images)]
+        return np.stack(group)
 
     @cached_property
     def placed(self) -> SurfaceGeometry:
@@ -241,9 +241,9 @@ class Space:
             for surface in every
             for edge in np.pad(surface.edges, ((1, d - len(surface.edges)), (0, 0)))  # the corner first
         ] + [*self.fixed]
-        frames = {each.name: each.frame for each in self.rest}
-        points = pose.place_anchors(modules, np.stack([each.anchor for each in modules]), frames)
-        carrying = [each.frame for each in modules] + [each.frame for each in self.bodies]
+        frames = {rest_pose.name: rest_pose.frame for rest_pose in self.rest}
+        points = pose.place_anchors(modules, np.stack([module.anchor for module in modules]), frames)
+        carrying = [module.frame for module in modules] + [body.frame for body in self.bodies]
         pose.require_known(frames, sorted({*carrying} - {WORLD}))
         ends = points[: len(every) * (1 + d)].reshape(-1, 1 + d, d)
         attached = np.array([module.attachment for module in self.fixed]).reshape(-1, d)
@@ -255,7 +255,7 @@ class Space:
         """Length in m by which torques are divided, the same for all rigs of the space."""
         if not self.attachments or self.required.length is not None:
             return self.required.length or 1.0
-        corners, edges, _ = (each[len(self.surfaces) :] for each in self.placed)
+        corners, edges, _ = (array[len(self.surfaces) :] for array in self.placed)
         shares = np.array([*product((0.0, 1.0), repeat=self.dimension)])
         vertices = corners[:, None] + np.einsum("ck,skd->scd", shares, edges)
         return float(np.sqrt(np.square(vertices).sum(axis=-1).mean())) or 1.0
@@ -273,7 +273,7 @@ class Space:
 
     def rig(self, name: str, modules: Sequence[Module], home: Floats) -> Rig:
         """Return a rig of this space with these modules."""
-        used = {each.frame for each in modules} | {each.frame for each in self.bodies}
+        used = {module.frame for module in modules} | {body.frame for body in self.bodies}
         kinds = ("planar", "platform") if self.attachments else ("planar-point", "point")
         return Rig(
             name,
@@ -283,7 +283,7 @@ class Space:
             platform=self.platform,
             up=self.up,
             required=replace(self.required, length=self.length) if self.attachments else self.required,
-            rest=tuple(each for each in self.rest if each.name in used),
+            rest=tuple(rest_pose for rest_pose in self.rest if rest_pose.name in used),
             bodies=self.bodies,
             source="tensionlab layout search",
         )
@@ -300,7 +300,7 @@ class Space:
         The first gene of an end picks the surface, all of which are equally likely; the others are the shares of
         its edges.
         """
-        first, count = np.array([(each.start, len(each)) for each in self.ends]).T
+        first, count = np.array([(indices.start, len(indices)) for indices in self.ends]).T
         surfaces = first + np.minimum((genes[..., 0] * count).astype(np.int64), count - 1)
         return Placement(surfaces, np.clip(genes[..., 1:] * (1 + 2 * GENE_BORDER) - GENE_BORDER, 0.0, 1.0))
 

@@ -88,10 +88,10 @@ class TargetTable(SchemaTable):
             return read_poses(folder / self.path)
         if missing := [key for key in ("x", "y", "step") if key not in keys or self.path is not None]:
             raise RigError(f'[target]: key "{missing[0]}" is missing, or there with a path; give one')
-        found = box(**keys)
-        if (count := math.prod(found.shape)) > MAX_POSES:
+        grid = box(**keys)
+        if (count := math.prod(grid.shape)) > MAX_POSES:
             raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
-        return found
+        return grid
 
 
 class ObjectiveTable(SchemaTable):
@@ -166,7 +166,7 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
         return LayoutTask(
             name=table.name,
             space=space,
-            target=tuple(each.poses(Path(path).parent, space) for each in targets),
+            target=tuple(target.poses(Path(path).parent, space) for target in targets),
             objective=_objective(table.objective, space),
             **table.search.model_dump(),
         )
@@ -183,18 +183,18 @@ def _objective(wanted: ObjectiveTable, space: Space) -> Objective:
 
     def vectors(key: str) -> list[list[float]] | None:
         values = getattr(wanted, key)
-        found = [words.get(each, []) if isinstance(each, str) else each for each in values or ()]
-        for value, vector in zip(values or (), found, strict=True):
+        parsed = [words.get(value, []) if isinstance(value, str) else value for value in values or ()]
+        for value, vector in zip(values or (), parsed, strict=True):
             if len(vector) != d:
                 up = "" if space.up else ', and up = "z" or another axis'
                 raise RigError(f'[objective]: key "{key}": {brief(value)}; give {DIRECTIONS} of {d} numbers{up}')
-        return found or None
+        return parsed or None
 
     return Objective(wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"), wanted.losses)
 
 
 def _space(table: SpaceFile) -> Space:
-    surfaces = [Surface(**each.model_dump()) for each in table.surfaces]
+    surfaces = [Surface(**surface.model_dump()) for surface in table.surfaces]
     if table.room is not None:
         faces = {face.name: face for face in room(table.room.size, table.room.centre)}
         surfaces += [faces[name] for name in (faces if table.room.faces is None else table.room.faces)]
@@ -208,13 +208,13 @@ def _space(table: SpaceFile) -> Space:
         surfaces=tuple(surfaces),
         counts=tuple(table.counts),
         limits=(table.limits.lower, table.limits.upper),
-        fixed=tuple(Module(**{**limits, **each.model_dump(exclude_none=True)}) for each in table.modules),
-        rest=(*(RestPose(**each.model_dump()) for each in table.frames), *persons),
+        fixed=tuple(Module(**{**limits, **module.model_dump(exclude_none=True)}) for module in table.modules),
+        rest=(*(RestPose(**frame.model_dump()) for frame in table.frames), *persons),
         bodies=bodies,
         hardware={key: limits[key] for key in get_args(Hardware) if key in limits},
         up=up,
         platform=None if table.platform is None else Platform(**table.platform.model_dump()),
         required=requirement(table.required.model_dump(), "[required]: "),
-        attachments=tuple(Surface(**each.model_dump()) for each in table.attachments),
+        attachments=tuple(Surface(**surface.model_dump()) for surface in table.attachments),
         symmetry=tuple(table.symmetry),
     )

@@ -48,8 +48,8 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     for rig in {(rig.kind, rig.m): rig for rig in reversed(rigs)}.values():
         plan.check(rig)
     demands = {name: of_rigs.pop(name) for name in ("required", "characteristic_length")}
-    of_rigs = {name: each for name, each in of_rigs.items() if name != "rig" or "rig" not in axes}
-    names = Counter(chain(axes, of_rigs, demands, poses, (each.name for each in plan.metrics)))
+    of_rigs = {name: variable for name, variable in of_rigs.items() if name != "rig" or "rig" not in axes}
+    names = Counter(chain(axes, of_rigs, demands, poses, (metric.name for metric in plan.metrics)))
     if twice := [name for name, count in names.items() if count > 1]:
         raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename or leave out one')
     if slashed := [name for name in names if "/" in name]:
@@ -62,14 +62,14 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
         ),
         "poses": _digest(poses),
         "required": _digest(demands, [repr(plan.requirement(rig)) for rig in rigs]),
-        "metrics": {each.name: each.identity for each in plan.metrics},
+        "metrics": {metric.name: metric.identity for metric in plan.metrics},
         "chunks": list(plan.chunks),
         "version": manifest["versions"]["tensionlab"],
     }
     empty: xarray.Dataset = provenance.import_xarray().Dataset(
         coords={**axes, **of_rigs, **demands, **poses},
         attrs={
-            "title": f"tensionlab sweep: {', '.join(each.name for each in plan.metrics)}",
+            "title": f"tensionlab sweep: {', '.join(metric.name for metric in plan.metrics)}",
             "sweep": json.dumps(identity),
             "manifest": json.dumps(manifest),
         },
@@ -123,7 +123,7 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
         "module": label(("module",), np.arange(cable_count), "1", "number of the module"),
         "axis": label(("axis",), np.array(axes), "1", "axis of the world or of the platform"),
         "home": label((*dims, "axis"), homes, "m", "home position of the rig"),
-        "module_name": of_modules(lambda rig: [each.name for each in rig.modules], "1", "name of the module"),
+        "module_name": of_modules(lambda rig: [module.name for module in rig.modules], "1", "name of the module"),
         "anchor": of_modules(anchors, "m", "anchor of the module in the world", "axis"),
         "attachment": of_modules(attachments, "m", "attachment of the cable as turned at home", "axis"),
         "lower": of_modules(attrgetter("limits.lower"), "N", "minimum tension of the cable"),

@@ -60,10 +60,10 @@ def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tupl
             raise SweepError(f"scheduler {address!r} has no workers; start some with: dask worker {address}")
         pool = client.get_executor(pure=False)
         try:
-            for task, found in _evaluate(
+            for task, pickled in _evaluate(
                 tasks, workers, lambda task: pool.submit(_evaluate_pickled, pickle.dumps(task))
             ):
-                yield task, pickle.loads(found)
+                yield task, pickle.loads(pickled)
         except (KilledWorker, CancelledError, CommClosedError) as error:
             raise SweepError(f"scheduler {address!r} gave up: {error}; with out, the same call resumes") from error
 

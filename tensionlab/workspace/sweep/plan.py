@@ -67,7 +67,7 @@ class Configurations:
 
     def labels(self) -> dict[str, Label]:
         """Return the labels of the axes."""
-        return {name: each for axis in self.axes for name, each in axis.labels.items()}
+        return {name: variable for axis in self.axes for name, variable in axis.labels.items()}
 
 
 def vary(
@@ -109,7 +109,7 @@ def vary(
     def configure(*values: Any) -> Rig:
         *others, (lower, upper) = values
         rig = make(*others)
-        return replace(rig, modules=tuple(replace(each, lower=lower, upper=upper) for each in rig.modules))
+        return replace(rig, modules=tuple(replace(module, lower=lower, upper=upper) for module in rig.modules))
 
     return Configurations(tuple(axes), configure)
 
@@ -121,9 +121,9 @@ def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[lis
     rigs = [what] if isinstance(what, Rig) else list(what)
     if not rigs:
         raise SweepError("rigs is empty; give at least one rig")
-    if other := [each for each in rigs if not isinstance(each, Rig)]:
+    if other := [rig for rig in rigs if not isinstance(rig, Rig)]:
         raise SweepError(f"rigs holds {other[0]!r}; give rigs, such as tl.load_rig returns, or what vary returns")
-    names = [each.name for each in rigs]
+    names = [rig.name for rig in rigs]
     if twice := [name for name in names if names.count(name) > 1]:
         raise SweepError(f'two rigs are called "{twice[0]}"; give each its own name')
     labels = {"rig": label(("rig",), np.array(names), "1", "name of the rig")}
@@ -194,7 +194,7 @@ class ChunkTask:
             frames = own_frames(rig, self.frames)
             step = max(1, PART_ENTRIES // (rig.n * rig.m))
             for part in (slice(start, start + step) for start in range(0, len(position), step)):
-                turn, added = (None if each is None else each[part] for each in (rotation, wrench))
+                turn, added = (None if array is None else array[part] for array in (rotation, wrench))
                 batch, sound = _batch(rig, position[part], turn, frames, required)
                 if added is not None:
                     batch = replace(batch, added=pad_last_axis(added[sound], rig.n))
@@ -230,12 +230,12 @@ class Plan:
     @cached_property
     def chunks(self) -> tuple[int, ...]:
         """Length of a chunk along each axis: as much of the last axes as fits, then of those before."""
-        found: list[int] = []
+        lengths: list[int] = []
         remaining = min(self.chunk, max(MIN_CHUNK_VALUES, math.prod(self.shape) // MIN_CHUNKS))
         for length in reversed(self.shape):
-            found.append(min(length, max(remaining, 1)))
-            remaining //= found[-1]
-        return tuple(reversed(found))
+            lengths.append(min(length, max(remaining, 1)))
+            remaining //= lengths[-1]
+        return tuple(reversed(lengths))
 
     @cached_property
     def tiles(self) -> tuple[int, ...]:

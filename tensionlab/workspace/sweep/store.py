@@ -119,7 +119,7 @@ class ZarrStore:
                 with _explain_damage(self._place):
                     group: Any = zarr.open_group(self._place, mode="r+")
                     every_chunk = {"write_empty_chunks": True}  # a chunk without a file is not finished
-                    self._arrays = tuple(group[each.name].with_config(every_chunk) for each in plan.metrics)
+                    self._arrays = tuple(group[metric.name].with_config(every_chunk) for metric in plan.metrics)
         except OSError as error:
             self.close()
             raise SweepError(f"{place}: cannot be written ({error.strerror}); give another place") from None
@@ -149,10 +149,12 @@ class ZarrStore:
         with _explain_damage(self._place):
             _require_same(self._place, self._identity)
             files = set(self._files.find(self._root))
-            folders = [f"{self._root}/{each.name}/c" for each in self._plan.metrics]
+            folders = [f"{self._root}/{metric.name}/c" for metric in self._plan.metrics]
             keys = ("/".join(map(str, tile)) for tile in np.ndindex(*self._plan.tiles))
             return [
-                number for number, key in enumerate(keys) if not all(f"{each}/{key}" in files for each in folders)
+                number
+                for number, key in enumerate(keys)
+                if not all(f"{folder}/{key}" in files for folder in folders)
             ]
 
     def task(self, number: int) -> Any:
@@ -172,7 +174,7 @@ class ZarrStore:
             raise SweepError(f"{self._place}: the workers' chunks are not there; give one that all of them see")
         with _explain_damage(self._place):
             data: xarray.Dataset = provenance.import_xarray().open_zarr(self._place, chunks=None)
-        ordered = {each.name: data[each.name] for each in self._plan.metrics}  # a folder sorts them by name
+        ordered = {metric.name: data[metric.name] for metric in self._plan.metrics}  # a folder sorts them by name
         return data.drop_vars(list(ordered)).assign(ordered)
 
     def close(self) -> None:
@@ -192,7 +194,7 @@ def _create(place: str | Path, plan: Plan, empty: xarray.Dataset, files: Any, ro
 
     codecs: Any = (BloscCodec(cname="lz4", shuffle="shuffle"), Crc32cCodec())  # half the time of the default, Zstd
     # Texts of variable length are the only ones that the format specifies.
-    texts = {name: each.astype(object) for name, each in empty.coords.items() if each.dtype.kind == "U"}
+    texts = {name: label.astype(object) for name, label in empty.coords.items() if label.dtype.kind == "U"}
     labels = empty.assign_coords(texts)
     parent, name = (place.absolute().parent, place.name) if isinstance(place, Path) else (None, "sweep")
     with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=parent) as making:
