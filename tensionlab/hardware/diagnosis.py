@@ -57,11 +57,11 @@ def diagnose(client: ModuleClient, *, move: bool, ask: Callable[[str], None] | N
     with what is to be done before a motion, and returns once it is; if left out, no hand pulls the cable. A
     `HardwareError` if the module does not answer, or refuses.
     """
-    found: set[str] = set()
+    findings: set[str] = set()
 
     def note(checks: Iterable[Check]) -> Iterator[Check]:
         for check in checks:
-            found.add(check.finding)
+            findings.add(check.finding)
             yield check
 
     yield from note(_check_state(client))
@@ -72,14 +72,14 @@ def diagnose(client: ModuleClient, *, move: bool, ask: Callable[[str], None] | N
     reason = "" if move else LEFT_OUT
     if client.parameter("brake_on_fault"):
         reason = f"{LEFT_OUT}: a load may hang on the cable (`brake_on_fault` is 1)"
-    if reason or found - BEFORE_SETUP:
+    if reason or findings - BEFORE_SETUP:
         yield Check("motion", reason or WRONG)
         return
     if ask is not None:
         yield from note(_check_hand(client, ask))
         ask(NEXT)
     yield from note(_check_zero(client))
-    yield Check("pull", WRONG) if found - {""} else _check_pull(client)
+    yield Check("pull", WRONG) if findings - {""} else _check_pull(client)
 
 
 def _judged(name: str, result: str, finding: str = "", **values: object) -> Check:
@@ -115,7 +115,7 @@ def _check_state(client: ModuleClient) -> Iterator[Check]:
 
 
 def _check_settings(client: ModuleClient) -> Iterator[Check]:
-    values = {name: found.value for name, found in parameters(client).items()}
+    values = {name: parameter.value for name, parameter in parameters(client).items()}
     finding = "pulses" if values["brake_open_pulse"] == values["brake_closed_pulse"] else ""
     if not values["calibrated"]:
         new = all(math.isclose(value, PARAMETERS[name].default, rel_tol=1e-6) for name, value in values.items())
@@ -125,8 +125,10 @@ def _check_settings(client: ModuleClient) -> Iterator[Check]:
 
 def _check_sensors(client: ModuleClient) -> Iterator[Check]:
     reports = _read(client, READING_S)
-    faults = Fault(np.bitwise_or.reduce([each.faults for each in reports]))
-    length, supply, loop = np.array([(each.length, each.supply, each.longest_step_us) for each in reports]).T
+    faults = Fault(np.bitwise_or.reduce([report.faults for report in reports]))
+    length, supply, loop = np.array(
+        [(report.length, report.supply, report.longest_step_us) for report in reports]
+    ).T
     jitter = float(np.std(np.diff(length, 2))) / math.sqrt(6.0)  # whatever the spool's speed
     finding = "encoder-noisy" if jitter > JITTER_M else ("" if np.ptp(length) else "encoder-stuck")
     finding = "encoder" if Fault.ENCODER in faults else finding
@@ -145,25 +147,25 @@ def _check_sensors(client: ModuleClient) -> Iterator[Check]:
 
 
 def _check_hand(client: ModuleClient, ask: Callable[[str], None]) -> Iterator[Check]:
-    before = _read(client)[-1].length
+    initial_length = _read(client)[-1].length
     ask("Pull about 5 cm of cable out by hand")
-    moved = _read(client)[-1].length - before
+    moved = _read(client)[-1].length - initial_length
     finding = "direction" if moved < -HAND_M else ("not-followed" if moved < HAND_M else "")
     yield _judged("hand", f"{1e3 * moved:+.0f} mm", finding, other=-client.parameter("motor_direction"))
 
 
 def _check_zero(client: ModuleClient) -> Iterator[Check]:
     """Have the module look for its electrical zero; it keeps the one that it had."""
-    before = found = client.parameter("motor_zero")
+    previous_zero = zero = client.parameter("motor_zero")
     reports, refusal = _read(client), ""
-    volts = float(np.median([each.supply for each in reports]))
+    volts = float(np.median([report.supply for report in reports]))
     client.logs.clear()
     client.record(reports)
     with stopping(client.stop, client.estop):
         try:
             client.calibrate(Calibration.ENCODER)
-            found = client.parameter("motor_zero")
-            client.set_parameter("motor_zero", before)
+            zero = client.parameter("motor_zero")
+            client.set_parameter("motor_zero", previous_zero)
         except ModuleFault as refused:
             if refused.code is not Code.FAILED:
                 raise
@@ -171,13 +173,13 @@ def _check_zero(client: ModuleClient) -> Iterator[Check]:
     client.record(None)
     measured = [re.findall(r"-?\d+", line) for line in client.logs if "forth" in line]
     forth, back, share = map(int, measured[-1]) if measured else (100, 100, 100)
-    error = round(math.remainder(math.degrees(found - before), 360.0))
+    error = round(math.remainder(math.degrees(zero - previous_zero), 360.0))
     finding = name_motion(forth, back, share) or ("align" if refusal else "")
     finding = finding or ("zero" if abs(error) > LARGEST_ZERO_ERROR_DEG else "")
     ways = f"turned by {forth} % and {back} % of a pole pair, with {share} % of the current"
     values = {"poles": round(100 * POLE_PAIRS / forth) if forth else 0, "share": share, "degrees": abs(error)}
     yield _judged("zero", ways if refusal else f"off by {error} degrees", finding, why=refusal, **values)
-    sag = volts - float(np.percentile([each.supply for each in reports], 5.0))
+    sag = volts - float(np.percentile([report.supply for report in reports], 5.0))
     yield _judged("load", f"the supply sags by {sag:.1f} V", "supply-weak" if sag > LARGEST_SAG_V else "")
 
 

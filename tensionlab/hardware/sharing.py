@@ -115,12 +115,14 @@ class SharedRun:
         """Return the run as it is now; ``over`` when its modules have been commanded to stop."""
         cycle, statistics = self._latest, self._statistics
         known = np.ones(len(self._clients)) if cycle is None else np.isfinite(cycle.state.tensions)
-        telemetry = [client.telemetry if each else None for client, each in zip(self._clients, known, strict=True)]
+        telemetry = [
+            client.telemetry if is_known else None for client, is_known in zip(self._clients, known, strict=True)
+        ]
         row: dict[str, Any] = {name: getattr(statistics, name) for name in SHARED_STATISTICS} | {
             "number": self._number,
             "over": over,
             "bad_frames": [client.bad_frames for client in self._clients],
-            "telemetry": ["" if each is None else each.message.frame(0).pack().hex() for each in telemetry],
+            "telemetry": ["" if latest is None else latest.message.frame(0).pack().hex() for latest in telemetry],
             **{
                 name: list(islice(reversed(getattr(statistics, name)), MAX_TIMES))[::-1]
                 for name in ("start_delays", "compute_times")
@@ -162,8 +164,8 @@ class RunSnapshot:
         for name in ("start_delays", "compute_times"):
             values[name] = np.array(values[name], np.float64)
         values["bad_frames"] = np.array(values["bad_frames"], np.int64)
-        frames = [Decoder().feed(bytes.fromhex(each)) for each in values["telemetry"]]
-        values["telemetry"] = tuple(Telemetry.unpack(each[0].payload) if each else None for each in frames)
+        frames = [Decoder().feed(bytes.fromhex(text)) for text in values["telemetry"]]
+        values["telemetry"] = tuple(Telemetry.unpack(parsed[0].payload) if parsed else None for parsed in frames)
         values["events"] = tuple(RunEvent(**event) for event in values["events"])
         return cls(**values)
 
@@ -202,9 +204,9 @@ class RunWatcher:
         elif self.info is not None and row["number"] != self.info.number:
             self.info = self.report = None  # another run has begun
         elif self.info is not None:
-            before, self.report = self.report, RunSnapshot.unpack(row, self.info.rig)
-            if before is None or before.cycles != self.report.cycles:
-                self._advances, self._newer = before is not None, now
+            previous_report, self.report = self.report, RunSnapshot.unpack(row, self.info.rig)
+            if previous_report is None or previous_report.cycles != self.report.cycles:
+                self._advances, self._newer = previous_report is not None, now
         self._came = now
 
     @property
@@ -238,11 +240,11 @@ def find_runs() -> list[RunWatcher]:
     ports = {(owner.port, owner.token) for owner in holders().values() if owner.port is not None}
     watchers = [RunWatcher(port, token) for port, token in ports]
     end = time.perf_counter() + FIND_TIMEOUT_S
-    while any(each.info is None for each in watchers) and time.perf_counter() < end:
-        for each in watchers:
-            each.poll()
+    while any(watcher.info is None for watcher in watchers) and time.perf_counter() < end:
+        for watcher in watchers:
+            watcher.poll()
         time.sleep(POLL_S)
-    for each in watchers:
-        if each.info is None:
-            each.close()
-    return [each for each in watchers if each.info is not None]
+    for watcher in watchers:
+        if watcher.info is None:
+            watcher.close()
+    return [watcher for watcher in watchers if watcher.info is not None]

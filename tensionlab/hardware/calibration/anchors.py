@@ -323,7 +323,7 @@ def length_errors(
     Before is on the nominal rig. Held out is by cross-validation, on rigs calibrated without the lengths: each
     fifth of the poses is left out once; NaN where too few remain. Other arguments as in `calibrate_anchors`.
     """
-    before = AnchorProblem(rig, lengths, known, False).length_error(rig.anchors.ravel(), found.poses)
+    nominal_error = AnchorProblem(rig, lengths, known, False).length_error(rig.anchors.ravel(), found.poses)
     squares = 0.0
     for fold in range(FOLDS):
         out = np.arange(len(lengths)) % FOLDS == fold
@@ -335,4 +335,4 @@ def length_errors(
             break
         problem, poses = AnchorProblem(rig, lengths[out], known, offsets), found.poses.take(np.flatnonzero(out))
         squares += problem.length_error(np.append(other.anchors, other.offsets), poses) ** 2 * int(out.sum())
-    return {"before": before, "after": found.sigma, "held_out": math.sqrt(squares / len(lengths))}
+    return {"before": nominal_error, "after": found.sigma, "held_out": math.sqrt(squares / len(lengths))}

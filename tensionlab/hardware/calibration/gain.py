@@ -106,9 +106,11 @@ def estimate_gain(balances: Sequence[Balance], previous_gain: float) -> GainEsti
     The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``. A
     `CalibrationError` refuses too few balances, only one direction, or currents that do not grow with the weight.
     """
-    if min(sum(each.direction == direction for each in balances) for direction in (-1, 1)) < 2:
+    if min(sum(balance.direction == direction for balance in balances) for direction in (-1, 1)) < 2:
         raise CalibrationError(f"{len(balances)} balances are not enough; measure twice in each direction")
-    force, current, direction = np.array([(each.force, each.current, each.direction) for each in balances]).T
+    force, current, direction = np.array(
+        [(balance.force, balance.current, balance.direction) for balance in balances]
+    ).T
     several = float(np.ptp(force)) > 0.0
     fitted = fit(np.column_stack([force, direction, *([np.ones(len(force))] if several else [])]), current)
     values, deviations = fitted.coefficients.tolist(), np.sqrt(np.diag(fitted.covariance)).tolist()
@@ -122,8 +124,8 @@ def estimate_gain(balances: Sequence[Balance], previous_gain: float) -> GainEsti
     zero = around(values[2], deviations[2], fitted.freedom) if several else None
     tension = force + friction.value * direction
     modelled = previous_gain * current, gain.value * (current - (zero.value if zero else 0.0))
-    before, after = (math.sqrt(float(np.mean((each - tension) ** 2))) for each in modelled)
-    return GainEstimate(gain, friction, zero, previous_gain, before, after, tuple(balances))
+    previous_error, error = (math.sqrt(float(np.mean((estimated - tension) ** 2))) for estimated in modelled)
+    return GainEstimate(gain, friction, zero, previous_gain, previous_error, error, tuple(balances))
 
 
 # Rate of the set-point in N/s: first to find where the mass moves, then to weigh it.
@@ -214,7 +216,7 @@ def _settle(puller: Puller, tension: float) -> None:
         telemetry = puller.hold(max(tension + DAMPING_NS_M * telemetry.speed, puller.info.tension_lower))
         first, last = puller.reports[0].time_us, puller.reports[-1].time_us
         if (last - first) % (1 << 32) > 1e6 * STILL_S:
-            if np.ptp([each.length for each in puller.reports]) < STILL_M:
+            if np.ptp([report.length for report in puller.reports]) < STILL_M:
                 return
             del puller.reports[: len(puller.reports) // 2]
     moving = f"the mass does not come to rest at {tension:.2f} N; does it swing?"
@@ -224,8 +226,8 @@ def _settle(puller: Puller, tension: float) -> None:
 def _current_at_start(puller: Puller, direction: int) -> float:
     """Return the current that the module measured when the cable began to move."""
     reports = puller.reports
-    time = 1e-6 * np.array([(each.time_us - reports[0].time_us) % (1 << 32) for each in reports])
-    current, length = (np.array([getattr(each, name) for each in reports]) for name in ("current", "length"))
+    time = 1e-6 * np.array([(report.time_us - reports[0].time_us) % (1 << 32) for report in reports])
+    current, length = (np.array([getattr(report, name) for report in reports]) for name in ("current", "length"))
     way = direction * (np.median(length[:10]) - length)
     last_still = int(np.flatnonzero(way < STARTED_M)[-1])
     moving = slice(last_still + 1, None)

@@ -35,13 +35,13 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
     (m,) in m; NaN where a module knew none. After an error all modules are stopped.
     """
     group.prepare(rig, TELEMETRY_MS)
-    before = np.full(rig.m, np.nan)
+    lengths = np.full(rig.m, np.nan)
     average, began, resting = CableSpeeds(), clock.now(), False
 
     def look() -> bool:
         nonlocal resting
-        before[:] = _lengths(group)
-        speeds = average.take(clock.now(), before.copy())
+        lengths[:] = _lengths(group)
+        speeds = average.take(clock.now(), lengths.copy())
         resting = speeds is not None and bool((speeds > -REST_M_S).all())
         return not resting or clock.now() - began < TAUT_S
 
@@ -52,7 +52,7 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
     clock.wait_until(clock.now() + RELEASE_S)
     for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):
         client.calibrate(Calibration.LENGTH, float(length))
-    return np.where(known, before, np.nan)
+    return np.where(known, lengths, np.nan)
 
 
 def record_lengths(

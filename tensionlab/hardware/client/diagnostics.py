@@ -56,13 +56,13 @@ def ports(*, everything: bool = False) -> dict[str, str]:
 
     A module may be at a port by USB through one of the usual chips, or by Bluetooth.
     """
-    found = {}
+    descriptions = {}
     for port in serial_ports():
         about = "" if port.description == "n/a" else printable(port.description)
         is_module = port.vid in USB_VENDORS or has_bluetooth(port) or NAME_PREFIX in f"{port.device} {about}"
         if everything or is_module:
-            found[port.device] = about
-    return found | paired()
+            descriptions[port.device] = about
+    return descriptions | paired()
 
 
 def paired() -> dict[str, str]:

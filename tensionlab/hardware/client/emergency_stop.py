@@ -36,8 +36,8 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
     another user's folder prevents it.
     """
     signals = _Signals()
-    found = locked_links()
-    holders = {name: found.get(url) or holder(url, look_up=False) for name, url in links.items()}
+    owners = locked_links()
+    holders = {name: owners.get(url) or holder(url, look_up=False) for name, url in links.items()}
     for owner in holders.values():
         if owner is not None:
             signals.send(owner)
@@ -48,7 +48,7 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
 
 def _stop_module(name: str, url: str, owner: Holder | None, signals: _Signals) -> Outcome:
     """Command a module as soon as the process that has its link, if any, has closed it."""
-    before, end = owner, time.perf_counter() + RELEASE_TIMEOUT_S
+    previous_holder, end = owner, time.perf_counter() + RELEASE_TIMEOUT_S
     while True:
         try:
             _command(name, url)
@@ -57,12 +57,12 @@ def _stop_module(name: str, url: str, owner: Holder | None, signals: _Signals) -
             now = holder(url)  # by another name of the host, or since just now
             owner = owner or now
             problem = signals.send(now) if now is not None else ""
-            if (now is None and before is None) or problem or time.perf_counter() > end:
+            if (now is None and previous_holder is None) or problem or time.perf_counter() > end:
                 if now is not None and not problem:
                     end_it = kill_command(now.pid)
                     problem = f"{now} was signalled, and still has it; end it ({end_it}), and its modules stop"
                 return Outcome(owner, problem or str(error))
-            before = now  # it may have closed the link since this try began: then the link is free now
+            previous_holder = now  # it may have closed the link since this try began: then the link is free now
         time.sleep(POLL_PERIOD_S)
 
 

@@ -148,7 +148,7 @@ class ModuleGroup:
 
     def _values(self, parameter: str) -> tuple[float, ...]:
         command = messages.GetParameter(PARAMETERS[parameter].index)
-        return tuple(found.value for found in self._all(command, messages.ParameterValue))
+        return tuple(answer.value for answer in self._all(command, messages.ParameterValue))
 
     def _all(self, command: Message, kind: type[AnswerType]) -> tuple[AnswerType, ...]:
         """Return the answer of each module; the first error is raised."""
@@ -186,8 +186,8 @@ class ModuleGroup:
                 for client in unanswered:
                     client.listen()
                     with _collecting(failed, client):
-                        if (found := client.answer(commands[client], waiting[client], kind)) is not None:
-                            answers[client] = found
+                        if (answer := client.answer(commands[client], waiting[client], kind)) is not None:
+                            answers[client] = answer
                             del waiting[client]
                 if elapsed() >= next_keep_alive:
                     next_keep_alive = elapsed() + KEEP_ALIVE_PERIOD_S
@@ -233,11 +233,11 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
 
     with ThreadPoolExecutor(len(names)) as threads:  # Bluetooth takes seconds for each
         reached = list(threads.map(reach, names))
-    group = ModuleGroup([each for each in reached if isinstance(each, ModuleClient)])
-    for each in reached:
-        if isinstance(each, HardwareError):
+    group = ModuleGroup([client for client in reached if isinstance(client, ModuleClient)])
+    for outcome in reached:
+        if isinstance(outcome, HardwareError):
             group.close()
-            raise each
+            raise outcome
     return group
 
 
@@ -247,12 +247,12 @@ def temporary_slew(group: ModuleGroup, slew: float | None) -> Iterator[None]:
     if slew is None:
         yield
         return
-    before = [client.parameter("slew") for client in group.clients]
+    previous_slews = [client.parameter("slew") for client in group.clients]
     for client in group.clients:
         client.set_parameter("slew", slew)
     try:
         yield
     finally:
-        for client, own in zip(group.clients, before, strict=True):
+        for client, own in zip(group.clients, previous_slews, strict=True):
             with suppress(HardwareError):  # the module is lost, and the run has said so
                 client.set_parameter("slew", own)

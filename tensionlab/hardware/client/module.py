@@ -145,8 +145,8 @@ class ModuleClient:
             sequence = self.send(command, sequence)
             end, waiting = self.link.clock() + timeout, True
             while waiting:
-                if (found := self.answer(command, sequence, answer)) is not None:
-                    return found
+                if (message := self.answer(command, sequence, answer)) is not None:
+                    return message
                 remaining = end - self.link.clock()
                 waiting = remaining > 0 and self._wait(sequence, remaining)
         raise self.no_answer(command, len(tries))
@@ -179,18 +179,18 @@ class ModuleClient:
         if self._broken is not None:
             raise self._broken
         with self._arrived:
-            found = self._answers.pop(sequence, None)
-        if isinstance(found, ProtocolError):
-            nonsense = "" if isinstance(found, messages.OtherProtocolError) else "sent an invalid answer: "
-            raise ProtocolError(f'module "{self.name}" {nonsense}{found}')
-        if isinstance(found, Acknowledge):
-            other_session = isinstance(command, messages.Arm) and found.session != command.session
-            if found.command is not command.type or (found.code is Code.OK and other_session):
+            answer = self._answers.pop(sequence, None)
+        if isinstance(answer, ProtocolError):
+            nonsense = "" if isinstance(answer, messages.OtherProtocolError) else "sent an invalid answer: "
+            raise ProtocolError(f'module "{self.name}" {nonsense}{answer}')
+        if isinstance(answer, Acknowledge):
+            other_session = isinstance(command, messages.Arm) and answer.session != command.session
+            if answer.command is not command.type or (answer.code is Code.OK and other_session):
                 return None
-            if found.code is not Code.OK:
-                refused = f"refused {type(command).__name__}: {found.code.name} (it is {found.state.name})"
-                raise self.fault(refused, found.code)
-        return found if isinstance(found, kind) else None
+            if answer.code is not Code.OK:
+                refused = f"refused {type(command).__name__}: {answer.code.name} (it is {answer.state.name})"
+                raise self.fault(refused, answer.code)
+        return answer if isinstance(answer, kind) else None
 
     def listen(self, seconds: float = 0.0) -> None:
         """Let a simulated module run for some seconds and read its messages; other links are read by a thread."""
@@ -290,11 +290,11 @@ class ModuleClient:
 
     def unchecked(self) -> tuple[Received | None, Received] | None:
         """Return the telemetry before and the latest, if that is new since this call or another check."""
-        if (found := self.endpoint.unchecked()) is None:
+        if (pair := self.endpoint.unchecked()) is None:
             return None
-        before, latest = (each and Received(Telemetry.unpack(each[0]), each[1]) for each in found)
+        previous, latest = (report and Received(Telemetry.unpack(report[0]), report[1]) for report in pair)
         assert latest is not None
-        return before, latest
+        return previous, latest
 
     @property
     def state(self) -> State | None:

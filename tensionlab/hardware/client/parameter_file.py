@@ -44,10 +44,10 @@ def dump(client: ModuleClient) -> str:
         "",
         "[parameters]",
     ]
-    for name, found in parameters(client).items():
-        bounds = "" if name in BINARY_PARAMETERS else f", {found.lower:g} to {found.upper:g}"
+    for name, parameter in parameters(client).items():
+        bounds = "" if name in BINARY_PARAMETERS else f", {parameter.lower:g} to {parameter.upper:g}"
         comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETERS[name].meaning}"
-        lines.append(f"{name} = {plain(found.value)}".ljust(COMMENT_COLUMN) + comment)
+        lines.append(f"{name} = {plain(parameter.value)}".ljust(COMMENT_COLUMN) + comment)
     return "\n".join([*lines, ""])
 
 
@@ -82,25 +82,25 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
     refuses one, the others are changed back, and a `HardwareError` names origin and parameter.
     """
     wanted = checked(values, origin)
-    before = {name: found.value for name, found in parameters(client).items()}
-    changes = [Change(name, before[name], number) for name, number in wanted.items() if number != before[name]]
+    previous = {name: parameter.value for name, parameter in parameters(client).items()}
+    changes = [Change(name, previous[name], number) for name, number in wanted.items() if number != previous[name]]
     pending, done = deque(changes), list[Change]()
     refused = 0  # in a row
     while pending:
-        each = pending.popleft()
+        change = pending.popleft()
         try:
-            client.command(SetParameter(PARAMETERS[each.name].index, each.after))
+            client.command(SetParameter(PARAMETERS[change.name].index, change.after))
         except HardwareError as error:
             refused += 1
             if isinstance(error, ModuleFault) and refused <= len(pending):
-                pending.append(each)
+                pending.append(change)
                 continue
-            for change in reversed(done):
+            for applied in reversed(done):
                 with suppress(HardwareError):
-                    client.command(SetParameter(PARAMETERS[change.name].index, change.before))
+                    client.command(SetParameter(PARAMETERS[applied.name].index, applied.before))
             hint = "; does it fit the other limits?" if isinstance(error, ModuleFault) else ""
-            raise HardwareError(f"{origin}: {each.name} = {plain(each.after)}: {error}{hint}") from error
-        done.append(each)
+            raise HardwareError(f"{origin}: {change.name} = {plain(change.after)}: {error}{hint}") from error
+        done.append(change)
         refused = 0
     return changes
 

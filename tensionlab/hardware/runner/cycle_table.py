@@ -223,22 +223,22 @@ def encode_effects(cycle: Cycle) -> bytes:
     """Return what the effects of a cycle desire, in JSON."""
     effects = cycle.demand.effects
     row: dict[str, Any] = {"cycle": cycle.state.cycle, "names": [*effects]}
-    row["force"] = [float(each) for effect in effects.values() for each in effect.force]
+    row["force"] = [float(component) for effect in effects.values() for component in effect.force]
     row |= {name: [float(getattr(effect, name)) for effect in effects.values()] for name in EFFECT_NUMBERS}
     return json.dumps(row, separators=(",", ":")).encode()
 
 
 def decode_effects(rows: list[bytes], cycles: Integers, dimension: int) -> dict[str, EffectTable]:
     """Return the effects of a run from their JSON, over its cycles; errors as those of `decode`."""
-    found: dict[int, dict[str, EffectDemand]] = {}
+    demands: dict[int, dict[str, EffectDemand]] = {}
     for row in map(json.loads, rows):
         forces = np.reshape(np.array(row["force"], dtype=np.float64), (len(row["names"]), dimension))
         numbers = zip(*(map(float, row[name]) for name in EFFECT_NUMBERS), strict=True)
-        found[int(row["cycle"])] = {
+        demands[int(row["cycle"])] = {
             str(name): replace(EffectDemand(force, *known), softened={"": (1.0, share)})
             for name, force, (*known, share) in zip(row["names"], forces, numbers, strict=True)
         }
-    return tabulate_effects([found.get(cycle, {}) for cycle in cycles.tolist()], dimension)
+    return tabulate_effects([demands.get(cycle, {}) for cycle in cycles.tolist()], dimension)
 
 
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:

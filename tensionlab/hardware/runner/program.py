@@ -96,13 +96,13 @@ class Program(SchemaTable):
         """Return the demand at the time of a state."""
         remaining = state.time % self.seconds if self.repeat else state.time
         later_round = self.repeat and state.time >= self.seconds
-        before = np.array(self.steps[-1].wrench) if later_round else np.zeros(len(self.steps[0].wrench))
+        previous_wrench = np.array(self.steps[-1].wrench) if later_round else np.zeros(len(self.steps[0].wrench))
         for step in self.steps:
             if remaining < step.seconds:
                 wrench, share = step.wrench_at(remaining), remaining / step.seconds if step.ramp else 1.0
-                return Demand(before + share * (wrench - before), brakes=frozenset(step.brakes))
+                return Demand(previous_wrench + share * (wrench - previous_wrench), brakes=frozenset(step.brakes))
             remaining -= step.seconds
-            before = np.array(step.wrench)
+            previous_wrench = np.array(step.wrench)
         return Demand(stop=True)
 
 
@@ -124,8 +124,8 @@ def load_program(path: str | PathLike[str], rig: Rig, rate: float = math.inf) ->
     for number, step in enumerate(program.steps, start=1):
         demand = Demand(np.array(step.wrench), brakes=frozenset(step.brakes))
         require_demand(demand, rig, f"{path}: step {number}")
-        for each in filter(None, (step.sine, step.circle, step.sweep)):
-            _require_oscillation(each.model_dump(), rig, rate, f"{path}: step {number}")
+        for oscillation in filter(None, (step.sine, step.circle, step.sweep)):
+            _require_oscillation(oscillation.model_dump(), rig, rate, f"{path}: step {number}")
     return program
 
 

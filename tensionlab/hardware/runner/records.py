@@ -157,7 +157,7 @@ class Statistics:
             "lost: {}": self.lost,
         }  # fmt: skip
         modules = [
-            (title.format(name), str(text)) for title, found in by_module.items() for name, text in found.items()
+            (title.format(name), str(text)) for title, texts in by_module.items() for name, text in texts.items()
         ]
         return [("answers", self.explained), ("compute time of a cycle", compute), *starts, *slewed, *modules]
 

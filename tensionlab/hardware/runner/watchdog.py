@@ -121,13 +121,13 @@ class Interrupts:
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = {number: signal.signal(number, self._take) for number in set(numbers)}
+        previous_handlers = {number: signal.signal(number, self._take) for number in set(numbers)}
         self._catching = True
         try:
             yield
         finally:
             self._catching = False
-            for number, handler in before.items():
+            for number, handler in previous_handlers.items():
                 signal.signal(number, handler)
 
     def ignore(self) -> None:

@@ -138,10 +138,10 @@ class FaultyLink:
             content = self.inner.receive(min(max(end - now, 0.0), STEP_S))
             if not content and now >= end:
                 return b""
-            before, now = now, self.clock()
+            previous_time, now = now, self.clock()
             if content:
                 self._inbound.put(content, now)
-            elif now == before:  # less than a step of the firmware is left
+            elif now == previous_time:  # less than a step of the firmware is left
                 return b""
 
     def close(self) -> None:

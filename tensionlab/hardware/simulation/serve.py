@@ -38,7 +38,7 @@ class TcpPort:
 
     def files(self) -> list[int]:
         """Return the file descriptors to wait for."""
-        return [each.fileno() for each in (self._listener, self._client) if each is not None]
+        return [file.fileno() for file in (self._listener, self._client) if file is not None]
 
     def connected(self) -> bool:
         """Return whether a client is connected."""
@@ -103,10 +103,10 @@ class PlannedFault(NamedTuple):
 
 def parse_fault(text: str) -> PlannedFault:
     """Return the fault of a text such as ``encoder@2s`` or ``supply@800ms``."""
-    found = FAULT_PATTERN.fullmatch(text)
-    if found is None or found["part"] not in PARTS:
+    match = FAULT_PATTERN.fullmatch(text)
+    if match is None or match["part"] not in PARTS:
         raise InputError(f"no fault {text!r}; write one of {', '.join(PARTS)} and a time, such as encoder@2s")
-    return PlannedFault(found["part"], float(found["when"]) * (1e-3 if found["unit"] == "ms" else 1.0))
+    return PlannedFault(match["part"], float(match["when"]) * (1e-3 if match["unit"] == "ms" else 1.0))
 
 
 class Served(Protocol):

@@ -85,8 +85,8 @@ class SimulatedModule:
                 raise InputError(f"the plant has no parameter {name!r}; it has {', '.join(PLANT)}")
             row = PLANT[name]
             if not row.lower <= value < math.inf:
-                least = f"{row.lower:g} {row.unit}"
-                raise InputError(f"plant parameter {name!r} is finite and at least {least}; got {value}")
+                minimum = f"{row.lower:g} {row.unit}"
+                raise InputError(f"plant parameter {name!r} is finite and at least {minimum}; got {value}")
         _require_distance(distance)
         self._distance = distance
         self._module = _native.SimulatedModule(serial_number, plant, distance, seed, start_us, reset_reason)

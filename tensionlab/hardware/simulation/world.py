@@ -143,8 +143,8 @@ class World:
     def advance(self, seconds: float) -> None:
         """Let time pass in all modules while the platform moves."""
         end = self.time + seconds
-        while (left := end - self.time) > 1e-9:
-            step = min(left, self._step)
+        while (remaining := end - self.time) > 1e-9:
+            step = min(remaining, self._step)
             self.time += step
             if self._compliant is not None:
                 self._compliant.apply_tensions(self.tensions)
