@@ -154,14 +154,18 @@ def explain_lengths(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDA
 
 
 def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, active: NDArray[np.bool_]) -> None:
-    """Refuse a cable that is being taken up though it is shorter than it can be, (m,) in m."""
-    loose = active & (speeds < -TAKE_UP_M_S) & (lengths < shortest)
-    if loose.any():
-        index = int(np.argmin(np.where(loose, speeds, np.inf)))
-        length = f"{max(lengths[index], 0.0):.2f} m, where {shortest[index]:.2f} m or more would hold the platform"
-        why = f"is loose: it was reeled in to {length}"
+    """Refuse a cable that is being taken up though it is shorter than it can be, (m,) in m.
+
+    Where two are, and are too short together, nothing tells which of them is loose: both are named.
+    """
+    loose = np.flatnonzero(active & (speeds < -TAKE_UP_M_S) & (lengths < shortest))
+    if loose.size:
+        names = " or ".join(f'"{rig.modules[index].name}"' for index in loose)
+        reeled = " or ".join(f"{length:.2f}" for length in np.maximum(lengths[loose], 0.0))
+        needed = " or ".join(f"{length:.2f}" for length in shortest[loose])
+        why = f"is loose: it was reeled in to {reeled} m, where {needed} m or more would hold the platform"
         advice = "See that no one is in its way, hook it on, and start again"
-        raise HardwareError(f'the cable of module "{rig.modules[index].name}" {why}. {advice}')
+        raise HardwareError(f"the cable of module {names} {why}. {advice}")
 
 
 def _shortest(
