@@ -1,5 +1,7 @@
 """Fixtures of all tests, and the profiles of hypothesis."""
 
+import signal
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -12,6 +14,8 @@ settings.register_profile(
 )
 settings.register_profile("ci", settings.get_profile("nightly"), derandomize=True, database=None)
 settings.load_profile(PROFILE)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what it runs in the background ignore it
 
 
 @pytest.fixture

@@ -168,14 +168,9 @@ def words_of(pid):
         return ""
 
 
-def heeding_ctrl_c():
-    """Let a process be interrupted even where the tests run in the background, which are not."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="what a process has loaded is listed in /proc")
 def test_ctrl_c_ends_a_benchmark_with_one_line(tmp_path):
-    with process(command("bench", "--out", tmp_path / "new"), preexec_fn=heeding_ctrl_c) as running:
+    with process(command("bench", "--out", tmp_path / "new")) as running:
         until(lambda: "clarabel" in Path(f"/proc/{running.pid}/maps").read_text())  # it has begun to measure
         running.send_signal(signal.SIGINT)
         _, said = running.communicate(timeout=HANG_S)
