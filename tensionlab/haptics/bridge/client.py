@@ -68,12 +68,12 @@ class BridgeClient:
 
         while True:
             try:
-                found: dict[str, Any] = json.loads(self._socket.recv())
+                message: dict[str, Any] = json.loads(self._socket.recv())
             except WebSocketException as error:
                 ended = [event["text"] for event in self.events if event["kind"] == "ended"]
                 raise HardwareError(f"the bridge has gone: {ended[-1] if ended else error}") from None
-            if found["type"] == "refused":
-                raise HardwareError(f"the bridge refused: {found['reason']}")
-            if found["type"] == kind:
-                return found
-            self.events.append(found)
+            if message["type"] == "refused":
+                raise HardwareError(f"the bridge refused: {message['reason']}")
+            if message["type"] == kind:
+                return message
+            self.events.append(message)

@@ -112,10 +112,10 @@ class ClientState:
         """Return the effects of a frame; tables that a client repeats are not parsed again."""
         if frame.effects is None:
             return None
-        known, before = self._effects, self._tables
+        known, previous_tables = self._effects, self._tables
         return {
             name: known[name]
-            if name in known and before.get(name) == table
+            if name in known and previous_tables.get(name) == table
             else parse_effect(name, table, self.rig)
             for name, table in frame.effects.items()
         }
@@ -160,16 +160,16 @@ class ClientState:
         the newer one, by the client's clock: a frame that was longer in transit than others finds it further on.
         If the next frame is late, it moves on for as long again, and then is at rest at the newer position.
         """
-        before, latest = self._frames
+        previous, latest = self._frames
         if latest is None or name not in latest.frame.bodies:
             return None
         body, age = latest.frame.bodies[name], max(now - latest.time, 0.0)
         here = np.array(body.position)
         still = BodyMotion(here, np.zeros_like(here), _rotation(body))
-        if before is None or name not in before.frame.bodies:
+        if previous is None or name not in previous.frame.bodies:
             return still
-        there = np.array(before.frame.bodies[name].position)
-        apart = max(latest.frame.time - before.frame.time, MIN_FRAME_GAP_S)
+        there = np.array(previous.frame.bodies[name].position)
+        apart = max(latest.frame.time - previous.frame.time, MIN_FRAME_GAP_S)
         share = (age + self._late) / apart
         if apart > MAX_FRAME_GAP_S or share >= 1.0 + EXTRAPOLATION or there.shape != here.shape:
             return still

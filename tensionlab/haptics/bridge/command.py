@@ -51,10 +51,10 @@ class Command:
         """Give the command to a client; `FrameRefused` if another one has it and is not silent."""
         with self._lock:
             self.require_free(now)
-            before = self._holder
+            previous_commander = self._holder
             commander = self._holder = Commander(name, now, on_dismissed)
-        if before is not None:
-            self._dismiss(before, f"silent for {SILENCE_S:g} s: {name} commands now")
+        if previous_commander is not None:
+            self._dismiss(previous_commander, f"silent for {SILENCE_S:g} s: {name} commands now")
         self.report(f"{name}: commands")
         return commander
 

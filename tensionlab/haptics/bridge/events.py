@@ -71,9 +71,9 @@ class RunEvents:
 
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
         """Take a cycle, and the share of the force that was rendered in it."""
-        before = self._latest
+        previous_cycle = self._latest
         self._latest = LatestCycle(state, demand, share, renderer.ceiling, renderer.delay)
-        previous_share = 0.0 if before is None else before.share
+        previous_share = 0.0 if previous_cycle is None else previous_cycle.share
         if share < MIN_SHARE <= previous_share:
             self._event(state.time, "silent", "no frames come: the force is 0")
         if previous_share < MIN_SHARE <= share:
@@ -81,10 +81,10 @@ class RunEvents:
         self._record.add(state, demand)
         self._send_stiffness(state, demand, renderer)
         self._send_derating(state)
-        if before is not None:
-            self._send_modules(before.state, state)
+        if previous_cycle is not None:
+            self._send_modules(previous_cycle.state, state)
         self._send_limiters(state)
-        self._send_rates(state, 0.0 if before is None else state.time - before.state.time)
+        self._send_rates(state, 0.0 if previous_cycle is None else state.time - previous_cycle.state.time)
 
     def note(self, kind: str, text: str) -> None:
         """Send another event that happens now."""
@@ -101,7 +101,7 @@ class RunEvents:
         state, demand, share, ceiling, delay = self._latest
         if state.time - self._judged[0] >= REPEAT_S:  # here, since it takes longer than a cycle may
             self._judged = state.time, self._record.fidelity()
-        found = {name: each for name, each in self._judged[1].items() if name in demand.effects}
+        fidelities = {name: fidelity for name, fidelity in self._judged[1].items() if name in demand.effects}
         demanded = self._still if demand.wrench is None else np.asarray(demand.wrench)
         measured = measured_wrench(state.structure, state.tensions, state.active)
         return BridgeState(
@@ -115,11 +115,13 @@ class RunEvents:
                 for name, effect in demand.effects.items()
                 if effect.softened
             },
-            fidelity={name: each.numbers() for name, each in found.items()},
-            noticed={name: list(each.failures()) for name, each in found.items() if each.failures()},
+            fidelity={name: fidelity.numbers() for name, fidelity in fidelities.items()},
+            noticed={
+                name: list(fidelity.failures()) for name, fidelity in fidelities.items() if fidelity.failures()
+            },
             measured=_or_none(measured),
             tensions=_or_none(state.tensions),
-            limiters=[self._limiters[int(each)] for each in state.limiters],
+            limiters=[self._limiters[int(limiter)] for limiter in state.limiters],
             active=state.active.tolist(),
             rendering=[name in demand.impedances for name in self._names],
             braked=[name in demand.brakes for name in self._names],
@@ -169,9 +171,9 @@ class RunEvents:
             self._ceiling = ceiling
             text = f"host stiffness limit {ceiling:.0f} N/m, loop latency {1e3 * renderer.delay:.0f} ms"
             self._event(now, "ceiling", text, ceiling=ceiling, delay=renderer.delay)
-        for each in self._softened.update(now, demand.effects):
-            numbers = {"stiffness": each.desired, "ceiling": each.rendered}
-            self._event(now, "stiff", each.text, effect=each.effect, **numbers)
+        for softening in self._softened.update(now, demand.effects):
+            numbers = {"stiffness": softening.desired, "ceiling": softening.rendered}
+            self._event(now, "stiff", softening.text, effect=softening.effect, **numbers)
 
     def _send_rates(self, state: RigState, gap: float) -> None:
         """Send once a second the rates of cycles and frames."""

@@ -253,23 +253,23 @@ def _add(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -
 def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
     """Return a kind and names, each with its values, as a table; ``plane.point`` is a name in a part."""
     lists = list_names(EFFECTS.get(str(values[0]), object))
-    found: dict[str, list[Any]] = {}
+    parameters: dict[str, list[Any]] = {}
     name = ""
     for value in values[1:]:
-        if isinstance(value, str) and not (name.endswith(".kind") and not found[name]):
+        if isinstance(value, str) and not (name.endswith(".kind") and not parameters[name]):
             name = value
-            found[name] = []
+            parameters[name] = []
         elif name:
-            found[name].append(value)
+            parameters[name].append(value)
         else:
             raise EffectError(f"effect {effect!r}: a number, {value}, without a parameter before it")
     table: dict[str, Any] = {}
-    for name, given in found.items():
+    for name, given in parameters.items():
         *parts, key = name.split(".", MAX_PARTS)
         part = table
-        for each in parts:
-            part = part.setdefault(each, {})
+        for part_name in parts:
+            part = part.setdefault(part_name, {})
             if not isinstance(part, dict):
-                raise EffectError(f"effect {effect!r}: {name}: {each} has a value; give that or its parts")
+                raise EffectError(f"effect {effect!r}: {name}: {part_name} has a value; give that or its parts")
         part[key] = given[0] if len(given) == 1 and name not in lists else tuple(given)
     return table

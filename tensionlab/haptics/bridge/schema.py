@@ -91,7 +91,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         "$schema": DIALECT,
         "title": f"Messages of the tensionlab bridge, version {PROTOCOL}",
         "description": ABOUT,
-        **_by_value("type", {each.model_fields["type"].default: each.__name__ for each in (*IN, *OUT)}),
+        **_by_value("type", {kind.model_fields["type"].default: kind.__name__ for kind in (*IN, *OUT)}),
         "$defs": json.loads(json.dumps(definitions)),  # lists in place of tuples
     }
 

@@ -259,9 +259,9 @@ class Bridge:
         def on_dismissed(reason: str) -> None:
             asyncio.run_coroutine_threadsafe(self._reject(connection, reason), loop)
 
-        command, before = self._client.command, self._commanding
-        if before is not None and before.socket.state.name != "OPEN":
-            command.leave(before.commander)  # it has gone, and its task has not run since
+        command, previous_connection = self._client.command, self._commanding
+        if previous_connection is not None and previous_connection.socket.state.name != "OPEN":
+            command.leave(previous_connection.commander)  # it has gone, and its task has not run since
         try:
             commander = command.take(_name(connection), self._client.clock(), on_dismissed)
         except FrameRefused as refused:

@@ -77,7 +77,7 @@ class BridgedDemand:
 
 def _require_finite(demand: Demand) -> Demand:
     numbers = list(demand.impedances.values())
-    wrenches = [each for each in (demand.wrench, demand.desired) if each is not None]
+    wrenches = [wrench for wrench in (demand.wrench, demand.desired) if wrench is not None]
     if not (np.isfinite(numbers).all() and np.isfinite(wrenches).all()):
         raise EffectError("the force of the effects is not finite")
     return demand

@@ -180,17 +180,17 @@ class Friction:
             still = np.zeros(motion.position.shape[:-1], dtype=np.bool_)
             memory = Bristle(motion.position, np.zeros_like(motion.position), still)
         moved = _tangential(motion.position - memory.position, normal)
-        before = _tangential(memory.stretch, normal)
+        previous_stretch = _tangential(memory.stretch, normal)
         rate = self.damping / motion.step
-        trial = self.stiffness * (before + moved) + rate * moved
+        trial = self.stiffness * (previous_stretch + moved) + rate * moved
         size = norm(trial)
         limit = np.where(memory.sliding, self.dynamic, self.static) * load
         sliding = size > limit
         # It resists with mu_d from the step in which it begins to slide.
         share = np.where(sliding, self.dynamic * load / np.where(size > 0.0, size, 1.0), 1.0)
         force = share[..., None] * trial
-        slid = (force + rate * before) / (self.stiffness + rate)
-        stretch = np.where(sliding[..., None], slid, before + moved)
+        slid = (force + rate * previous_stretch) / (self.stiffness + rate)
+        stretch = np.where(sliding[..., None], slid, previous_stretch + moved)
         return Rendered(-force, Bristle(motion.position, stretch, sliding))
 
 

@@ -53,8 +53,8 @@ def _with_turned_defaults(default: Any, table: Any, rotation: Floats) -> Any:
             turned = rotation @ np.array(getattr(default, name)) + 0.0  # no minus zero
             if turned.any():  # a level direction has no counterpart in the plane
                 completed[name] = tuple(turned.tolist())
-    for each in fields(default):
-        part, written = getattr(default, each.name), table.get(each.name, {})
+    for field in fields(default):
+        part, written = getattr(default, field.name), table.get(field.name, {})
         if is_dataclass(part):
-            completed[each.name] = _with_turned_defaults(part, written, rotation)
+            completed[field.name] = _with_turned_defaults(part, written, rotation)
     return completed

@@ -216,17 +216,17 @@ def _host_side(
             wanted = effect.render(motion, memory.desired)
         if is_split(effect) and part is None:
             softer = {}  # its stiff part is not where the hand is
-        return rendered, wanted, {name: (each, host_stiffness) for name, each in softer.items()}
+        return rendered, wanted, {name: (stiffness, host_stiffness) for name, stiffness in softer.items()}
     assert is_split(effect)
     assert is_split(soft)
     rendered = wanted = soft.host_side(motion, memory.rendered)
     if softer:
         wanted = effect.host_side(motion, memory.desired)
-    softened = {name: (each, host_stiffness) for name, each in softer.items()}
+    softened = {name: (stiffness, host_stiffness) for name, stiffness in softer.items()}
     along, across = springs.along, springs.across
     if part is not None and part.stiffness > along * (1.0 + 1e-9):  # rounding softens nothing
         own = stiffnesses(effect, side="module")
-        softened |= {name: (each, along) for name, each in own.items() if each > along}
+        softened |= {name: (stiffness, along) for name, stiffness in own.items() if stiffness > along}
     if across > WEAK_JND * along:
         softened["stiffness across"] = (0.0, across)
     return rendered, wanted, softened
@@ -253,11 +253,11 @@ def _too_fast(
         largest = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
     else:
         largest = sum(
-            each.amplitude
+            impedance.amplitude
             * cables.gain(part, cable)
-            * math.cos(2.0 * math.pi * each.phase)
+            * math.cos(2.0 * math.pi * impedance.phase)
             * float(part.axis @ cables.directions[cable])
-            for cable, each in springs.impedances.items()
+            for cable, impedance in springs.impedances.items()
         )
     return {"amplitude": (part.amplitude, largest)} if part.amplitude > 1.01 * largest else {}
 
@@ -366,7 +366,7 @@ def module_springs(
     """
     if shaken := along_cables(part, cables, free, limits):
         return ModuleSprings(shaken, np.zeros_like(part.axis), 0.0, 0.0, 0.0)
-    found = _native.module_springs(
+    springs = _native.module_springs(
         part.axis,
         (
             part.compression,
@@ -389,7 +389,7 @@ def module_springs(
         previous_share,
         motion.step,
     )
-    if found is None:
+    if springs is None:
         return None
-    impedances = {cable: Impedance(*spring) for cable, *spring in found[0]}
-    return ModuleSprings(impedances, *found[1:])
+    impedances = {cable: Impedance(*spring) for cable, *spring in springs[0]}
+    return ModuleSprings(impedances, *springs[1:])

@@ -152,8 +152,8 @@ def _checked(
     """Return structure matrices, unit normals, forces and strengths as arrays of fitting shapes."""
     U, n = require_finite("structure", structure, 0), require_finite("normal", normal, 0)
     if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
-        found = f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit"
-        raise ShapeError(f"{found}; give (..., d, m), (..., d) and m, with d = 2 or 3 for a point")
+        problem = f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit"
+        raise ShapeError(f"{problem}; give (..., d, m), (..., d) and m, with d = 2 or 3 for a point")
     F, holds = require_finite("force", force, 0), pose.points(strengths, m, "strengths")
     if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
         raise ShapeError("force and strengths must be 0 N or more; reverse the normal for a force the other way")
@@ -193,8 +193,8 @@ def brake_map(
     """
     U, n = require_finite("structure", structure, 0), require_finite("normals", normals, 0)
     if not force > 0.0 or U.ndim < 2 or n.ndim != 2:
-        found = f"force is {force}, structure has shape {U.shape} and normals {n.shape}"
-        raise ShapeError(f"{found}; give a force above 0 N, (..., d, m) and (k, d)")
+        given = f"force is {force}, structure has shape {U.shape} and normals {n.shape}"
+        raise ShapeError(f"{given}; give a force above 0 N, (..., d, m) and (k, d)")
     chosen = choose_locks(U[..., None, :, :], n, force, limits, strengths)
     met = np.einsum("...im,...km->...ki", U, chosen.motors + chosen.brakes)
     along = np.einsum("...ki,ki->...k", met, n)

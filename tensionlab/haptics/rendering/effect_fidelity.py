@@ -36,7 +36,7 @@ def effects_fidelity(
     the part of the demanded force that was proved infeasible; it excuses an effect that is right with it.
     """
     whole = sum((np.nan_to_num(effect.force) for effect in effects.values()), np.zeros_like(measured))
-    found = {}
+    fidelities = {}
     for name, effect in effects.items():
         now = np.isfinite(effect.share) & counts & np.isfinite(measured).all(axis=1)  # NaN: reports were old
         if now.any():
@@ -46,11 +46,11 @@ def effects_fidelity(
                 force_fidelity, time[now], position[now], force, frequency=effect.frequency[now],
                 amplitude=effect.amplitude[now], gain=effect.gain[now], share=effect.share[now], spring=spring,
             )  # fmt: skip
-            found[name] = judge(measured[now] - others)
-            if found[name].failures() and infeasible[now].any():
+            fidelities[name] = judge(measured[now] - others)
+            if fidelities[name].failures() and infeasible[now].any():
                 excused = not judge((measured + infeasible)[now] - others).failures()
-                found[name] = replace(found[name], infeasible=excused)
-    return found
+                fidelities[name] = replace(fidelities[name], infeasible=excused)
+    return fidelities
 
 
 class FidelityRecord:
@@ -92,14 +92,14 @@ def fidelity_table(found: Mapping[str, Fidelity]) -> Table:
         return None if math.isnan(wanted) else f"{form(come)} / {form(wanted)}"
 
     rows = []
-    for name, each in found.items():
-        at_least = "≥ " * (each.bandwidth == each.excited)
+    for name, fidelity in found.items():
+        at_least = "≥ " * (fidelity.bandwidth == fidelity.excited)
         rows.append([
-            MARKS[each.passed], name, both(each.force_rendered, each.force),
-            both(each.stiffness, each.stiffness_desired, "{:.0f}".format),
-            both(each.damping, each.damping_desired), each.error, each.error_peak, each.error_jnd,
-            None if math.isnan(each.bandwidth) else f"{at_least}{each.bandwidth:.0f}", each.direction,
-            both(each.amplitude, each.amplitude_desired), 1e3 * each.latency,
+            MARKS[fidelity.passed], name, both(fidelity.force_rendered, fidelity.force),
+            both(fidelity.stiffness, fidelity.stiffness_desired, "{:.0f}".format),
+            both(fidelity.damping, fidelity.damping_desired), fidelity.error, fidelity.error_peak,
+            fidelity.error_jnd, None if math.isnan(fidelity.bandwidth) else f"{at_least}{fidelity.bandwidth:.0f}",
+            fidelity.direction, both(fidelity.amplitude, fidelity.amplitude_desired), 1e3 * fidelity.latency,
         ])  # fmt: skip
     columns = ["", "effect", Column("force", "N"), Column("stiffness", "N/m"),
                Column("damping", "N s/m", wide=True), Column("error", "N", format_number),
@@ -107,8 +107,8 @@ def fidelity_table(found: Mapping[str, Fidelity]) -> Table:
                Column("error", "JND", ".1f"), Column("bandwidth", "Hz"), Column("off", "°", ".0f"),
                Column("vibration", "N"), Column("late", "ms", ".0f", wide=True)]  # fmt: skip
     notes = [
-        f"{name}: {'; '.join(each.failures())}{', which is infeasible' * (each.passed is None)}"
-        for name, each in found.items()
-        if each.failures()
+        f"{name}: {'; '.join(fidelity.failures())}{', which is infeasible' * (fidelity.passed is None)}"
+        for name, fidelity in found.items()
+        if fidelity.failures()
     ]
     return Table(columns, rows, "Fidelity: rendered / desired", notes)

@@ -164,7 +164,7 @@ def force_fidelity(
     'stiffness 40 of 200 N/m'
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.01
-    frequency, amplitude = (np.broadcast_to(each, time.shape) for each in (frequency, amplitude))
+    frequency, amplitude = (np.broadcast_to(values, time.shape) for values in (frequency, amplitude))
     parts = np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > 2.5 * step) + 1)
     measured, shaking = _without_vibration(time, measured, frequency, amplitude, parts, step)
     error, size = measured - desired, norm(desired)
@@ -174,7 +174,7 @@ def force_fidelity(
     strong = size > MIN_FORCE_N
     off = angles(measured[strong], desired[strong]) if strong.any() else np.zeros(0)
     axis = np.linalg.svd(desired - desired.mean(axis=0), full_matrices=False)[2][0]  # of the largest changes
-    stiff = [_impedance(time, position, desired, each, parts, wanted & spring) for each in (desired, measured)]
+    stiff = [_impedance(time, position, desired, forces, parts, wanted & spring) for forces in (desired, measured)]
     low, high = np.quantile(np.broadcast_to(share, time.shape), (0.1, 0.9)).tolist()
     wave, hertz = _oscillation(measured, error, frequency, parts, step)
     bandwidth, excited = _bandwidth(desired, measured, parts, step)
@@ -286,7 +286,10 @@ def _bandwidth(desired: Floats, measured: Floats, parts: Parts, step: float) -> 
         return NAN, NAN
     taper = np.hanning(length)[:, None]
     spectra = [
-        [np.fft.rfft((each[window] - each[window].mean(axis=0)) * taper, axis=0) for each in (desired, measured)]
+        [
+            np.fft.rfft((forces[window] - forces[window].mean(axis=0)) * taper, axis=0)
+            for forces in (desired, measured)
+        ]
         for window in _windows(parts, length)
     ]
     wanted, came = np.stack(spectra, axis=1)  # (windows, frequencies, d) each

@@ -103,8 +103,8 @@ class Stages:
 
     def smooth(self, motion: Motion, memory: StageMemory | None) -> Motion:
         """Return the motion with its velocity low-passed, for the effects."""
-        before = None if memory is None else memory.velocity
-        velocity = low_pass(motion.velocity, before, self.cutoff, motion.step)
+        previous_velocity = None if memory is None else memory.velocity
+        velocity = low_pass(motion.velocity, previous_velocity, self.cutoff, motion.step)
         return Motion(motion.position, velocity, motion.time, motion.step)
 
     def filter(
@@ -114,8 +114,8 @@ class Stages:
 
         The motion is that of `smooth`; ``bypass`` is true where the force is meant to jump.
         """
-        before = np.zeros_like(force) if memory is None else memory.force
-        slewed = limit_force_slew(limit_force(force, self.max_force), before, self.slew * motion.step, bypass)
+        previous = np.zeros_like(force) if memory is None else memory.force
+        slewed = limit_force_slew(limit_force(force, self.max_force), previous, self.slew * motion.step, bypass)
         if self.controller is None:
             return slewed, StageMemory(motion.velocity, slewed)
         # After the slew: the observer must know the commanded force, and its damper must not be slowed.
@@ -186,7 +186,9 @@ class Renderer:
         impedances: dict[int, Impedance] = {}
         demands: dict[str, EffectDemand] = {}
         for passive in (True, False):
-            group = {name: each for name, each in effects.items() if isinstance(each, PASSIVE_EFFECTS) is passive}
+            group = {
+                name: effect for name, effect in effects.items() if isinstance(effect, PASSIVE_EFFECTS) is passive
+            }
             host, plan = self._render(group, passive, motion, state, available)
             force, desired = force + host + plan.expected, desired + plan.desired
             impedances |= plan.impedances
@@ -200,7 +202,7 @@ class Renderer:
         wanted[: self._rig.dimension] = share * desired
         springs = self._balanced(share * force, impedances, share, state) if impedances else {}
         if share < 1.0:
-            demands = {name: replace(each, force=share * each.force) for name, each in demands.items()}
+            demands = {name: replace(demand, force=share * demand.force) for name, demand in demands.items()}
         return Demand(wrench, springs, desired=wanted, effects=demands)
 
     def _render(
@@ -213,19 +215,19 @@ class Renderer:
     ) -> tuple[Floats, RenderPlan]:
         """Return the host-side force of effects after the stages, and their plan."""
         stages = self._stages[passive]
-        before = self._memories[passive]
-        smooth = stages.smooth(motion, before.stages)
+        previous_memory = self._memories[passive]
+        smooth = stages.smooth(motion, previous_memory.stages)
         directions = state.structure[: self._rig.dimension].T
         cables = CableState(state.lengths, directions, available, self._rig.modules)
         memories: list[EffectMemory] = []
         for name, effect in effects.items():
-            kind, memory = before.effects.get(name, (None, EffectMemory()))
+            kind, memory = previous_memory.effects.get(name, (None, EffectMemory()))
             memories.append(memory if kind is type(effect) else EffectMemory())
         try:
             with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # `assign` refuses infinite forces
                 every = tuple(effects.values())
                 plan = assign(every, smooth, cables, self.limits, self.ceiling, memories, self._set_point_step)
-                force, stage_memory = stages.filter(plan.force, smooth, plan.bypass_slew, before.stages)
+                force, stage_memory = stages.filter(plan.force, smooth, plan.bypass_slew, previous_memory.stages)
         except EffectFailed as failed:
             raise EffectFailed(list(effects)[int(failed.effect)], failed.reason) from failed.__cause__
         kinds = map(type, effects.values())
@@ -274,11 +276,11 @@ class Renderer:
         """
         springs, scaled = np.zeros(self._rig.m), {}
         for index, whole in impedances.items():
-            least = self.limits.lower if whole.amplitude else 0.0
+            minimum = self.limits.lower if whole.amplitude else 0.0
             parts = {name: share * getattr(whole, name) for name in ("stiffness", "damping", "amplitude")}
-            each = whole._replace(feed_forward=least + share * (whole.feed_forward - least), **parts)
-            scaled[index] = each
-            springs[index] = each.tension(float(state.lengths[index]), float(state.speeds[index]))
+            impedance = whole._replace(feed_forward=minimum + share * (whole.feed_forward - minimum), **parts)
+            scaled[index] = impedance
+            springs[index] = impedance.tension(float(state.lengths[index]), float(state.speeds[index]))
         limits = self._rig.limits.only(state.active)
         taut = allocate(state.structure, force, (np.minimum(limits.lower + springs, limits.upper), limits.upper))
         if not taut.exact:
@@ -286,8 +288,8 @@ class Renderer:
             taut = allocate(state.structure, force, (lower, limits.upper))
         pulls = np.maximum(taut.tensions - springs, 0.0)
         return {
-            self._names[index]: each._replace(
-                feed_forward=min(each.feed_forward + float(pulls[index]), self.limits.upper)
+            self._names[index]: impedance._replace(
+                feed_forward=min(impedance.feed_forward + float(pulls[index]), self.limits.upper)
             )
-            for index, each in scaled.items()
+            for index, impedance in scaled.items()
         }

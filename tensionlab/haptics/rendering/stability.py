@@ -53,23 +53,23 @@ def stiffnesses(effect: object, side: Side = "both") -> dict[str, float]:
 
     A module renders the own stiffness of a split effect; the host renders the others.
     """
-    found: dict[str, float] = {}
+    stiffness_by_name: dict[str, float] = {}
     kind: Any = type(effect)
     for name in _field_names(kind):
         value = getattr(effect, name)
         part: Any = type(value)
         if name == "stiffness":
             if side == "both" or is_split(effect) is (side == "module"):
-                found[name] = value
+                stiffness_by_name[name] = value
         elif _field_names(part):
             for inner, stiffness in stiffnesses(value, side).items():
-                found[f"{name}.{inner}"] = stiffness
-    return found
+                stiffness_by_name[f"{name}.{inner}"] = stiffness
+    return stiffness_by_name
 
 
 def cap_stiffness(effect: T, cap: float, side: Side = "both") -> tuple[T, dict[str, float]]:
     """Return an effect whose `stiffnesses` do not exceed a cap in N/m, and those that were above it."""
-    cut = {name: each for name, each in stiffnesses(effect, side).items() if each > cap}
+    cut = {name: stiffness for name, stiffness in stiffnesses(effect, side).items() if stiffness > cap}
     capped: Any = effect
     for name in cut:
         capped = _with_parameter(capped, name, cap)
@@ -83,7 +83,7 @@ def _with_parameter(effect: Any, name: str, value: float) -> Any:
 
 @cache
 def _field_names(kind: type) -> tuple[str, ...]:
-    return tuple(each.name for each in fields(kind)) if is_dataclass(kind) else ()
+    return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else ()
 
 
 def max_damping(mass: float, delay: float, step: float) -> float:
