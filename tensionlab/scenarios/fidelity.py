@@ -39,7 +39,7 @@ def rendered_force(result: ScenarioResult) -> ForceRecord:
         position = person.position
         if frame is not None:
             script = result.scenario.person.bodies[frame]
-            position = position - np.array([script.position(each) for each in person.time])
+            position = position - np.array([script.position(time) for time in person.time])
         return ForceRecord(person.time, position, person.force)
     position = run.position
     if frame is not None:  # by the cable of a module on that body
@@ -103,7 +103,7 @@ def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
     known = {name: EffectTable(*map(fill, effect)) for name, effect in run.effects.items()}
     effects = {name: effect._replace(gain=np.ones(len(person.time))) for name, effect in known.items()}
     missing, free = fill(infeasible_force(run)), ~_braked(run, person.time)
-    found = effects_fidelity(person.time, record.position, person.force, effects, missing, free)
+    fidelities = effects_fidelity(person.time, record.position, person.force, effects, missing, free)
     for phase in result.scenario.phases:
         locks: NDArray[np.bool_] = np.asarray(run.commanded_brakes.any(axis=1))
         held = between(person.time, phase.begin, phase.end) & locks[last]
@@ -112,10 +112,10 @@ def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
             normal = np.array([phase.hold.wall(position).normal for position in record.position[held]])
             push = np.maximum(np.vecdot(person.force[held], normal), 0.0)[:, None] * normal
             force = person.force[held]
-            found[f"{phase.name}: brakes"] = force_fidelity(
+            fidelities[f"{phase.name}: brakes"] = force_fidelity(
                 person.time[held], record.position[held], push, force, spring=False
             )
-    return found
+    return fidelities
 
 
 def _braked(run: Run, time: Floats) -> NDArray[np.bool_]:

@@ -35,7 +35,9 @@ class Similarity:
 
     def script(self, script: Script) -> Script:
         """Return a motion, its path scaled and its sway not."""
-        waypoints = tuple(replace(each, position=self.point(each.position)) for each in script.waypoints)
+        waypoints = tuple(
+            replace(waypoint, position=self.point(waypoint.position)) for waypoint in script.waypoints
+        )
         sway = script.sway
         if sway is not None:
             sway = replace(sway, amplitude=tuple(np.sqrt(self.rotation**2 @ np.square(sway.amplitude)).tolist()))
@@ -44,18 +46,18 @@ class Similarity:
     def surfaces(self, part: Any, name: str) -> Any:
         """Return an effect or a brake target with its points, directions and solids placed."""
         known, axes, placed = vectors(type(part)), np.abs(self.rotation), {}
-        for each in fields(part):
-            value = getattr(part, each.name)
-            if isinstance(part, Box) and each.name == "size":
+        for field in fields(part):
+            value = getattr(part, field.name)
+            if isinstance(part, Box) and field.name == "size":
                 if not np.allclose(axes, axes.round()):
                     raise ScenarioError(f'effect "{name}" has a box along the axes; face along one of them')
                 placed["size"] = tuple((self.scale * axes.round() @ np.array(value)).tolist())
-            elif isinstance(part, Sphere) and each.name == "radius":
+            elif isinstance(part, Sphere) and field.name == "radius":
                 placed["radius"] = self.scale * value
-            elif each.name in known:
-                placed[each.name] = self.direction(value) if known[each.name].oriented else self.point(value)
+            elif field.name in known:
+                placed[field.name] = self.direction(value) if known[field.name].oriented else self.point(value)
             elif is_dataclass(value):
-                placed[each.name] = self.surfaces(value, name)
+                placed[field.name] = self.surfaces(value, name)
         return replace(part, **placed) if placed else part
 
     def person(self, person: PersonPlan) -> PersonPlan:

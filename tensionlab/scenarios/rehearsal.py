@@ -128,8 +128,10 @@ def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers
         return Finding(phase.name, True, f"no force above {MIN_FORCE_N:g} N is desired")
     desired, sizes = played.desired[strong], sizes[sizes > MIN_FORCE_N]
     required = scenario.rig.required.middle(scenario.rig)
-    found = allocate(played.structure[strong], desired + required, scenario.rig.limits, policy=scenario.policy)
-    rendered = found.wrench - required
+    allocation = allocate(
+        played.structure[strong], desired + required, scenario.rig.limits, policy=scenario.policy
+    )
+    rendered = allocation.wrench - required
     missing = np.linalg.norm(desired - rendered, axis=1) / sizes
     feasible = missing <= MAX_MISSING
     text = f"up to {sizes.max():.1f} N are desired, and feasible"

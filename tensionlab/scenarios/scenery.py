@@ -118,18 +118,18 @@ def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[Ten
     """
     if not given:
         return None
-    found = validate(Scenery, given, error, f"{where}: the scenery is damaged")
-    points = [found.middle, *([found.feet] if found.feet is not None else [])]
-    for surface in (each for phase in found.phases for each in phase.surfaces):
+    scenery = validate(Scenery, given, error, f"{where}: the scenery is damaged")
+    points = [scenery.middle, *([scenery.feet] if scenery.feet is not None else [])]
+    for surface in (surface for phase in scenery.phases for surface in phase.surfaces):
         points.append(surface.point)
         points += [surface.normal] * (surface.kind == "plane") + [surface.size] * (surface.kind == "box")
         if surface.kind in ("ball", "reach") and len(surface.size) != 1:
             raise error(f"{where}: a {surface.kind} of the scenery has no radius; the log is damaged")
     if any(len(point) != rig.dimension for point in points):
         raise error(f"{where}: the scenery does not have the {rig.dimension} axes of the rig; it is damaged")
-    if found.frame is not None and found.frame not in rig.frames:
-        raise error(f'{where}: the scenery is in the frame "{found.frame:.40}", which the rig does not have')
-    return found
+    if scenery.frame is not None and scenery.frame not in rig.frames:
+        raise error(f'{where}: the scenery is in the frame "{scenery.frame:.40}", which the rig does not have')
+    return scenery
 
 
 def standing_person(
