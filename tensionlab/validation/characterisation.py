@@ -113,8 +113,8 @@ def feasible_axes(plan: CharacterisationPlan) -> dict[str, Floats]:
     rig = plan.rig
     require_point(rig)
     forces = plan.step * np.concatenate([np.eye(3), -np.eye(3)])
-    found = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits)
-    both = np.all((found.status == Status.EXACT).reshape(2, 3), axis=0)
+    allocation = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits)
+    both = np.all((allocation.status == Status.EXACT).reshape(2, 3), axis=0)
     if not both.any():
         problem = f"cannot pull with {plan.step:g} N both ways along any axis at its home"
         raise RigError(f'rig "{rig.name}" {problem}; see `tensionlab rig check`')
@@ -150,16 +150,16 @@ def characterise(
         modules, clock, sensor = bench(HandRequest(grip, rig.home + offset))
         simulated = sensor.simulated
         if not trips:
-            times = np.concatenate([diagnostics.measure(each, PINGS, bool) for each in modules.clients])
+            times = np.concatenate([diagnostics.measure(client, PINGS, bool) for client in modules.clients])
             trips.extend(times[np.isfinite(times)])
         zero = read_zero(modules, clock, sensor)
         recorder = Recorder(sensor, zero, rotation, float(np.median(trips)) / 2.0)
         with temporary_slew(modules, slew):
-            found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
+            result = run_measurement(plan, modules, clock, recorder, measuring(recorder))
         delays.extend(recorder.delays)
         done += 1
         progress(done / (len(offsets) + 3))
-        return found
+        return result
 
     rotation, held, steps, responses = run("hold", partial(_at_home, plan, axes))
     vibrations = run("hold", partial(_vibrations, plan, axes), slew=VIBRATION_SLEW_N_S)
@@ -187,9 +187,9 @@ def _at_home(
 ) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses]]:
     """Measure how the sensor is turned, and all that is measured at home alone."""
     held = yield from _static(plan, recorder, np.zeros(3))
-    turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
+    turn = fit_yaw(np.array([force.desired for force in held]), np.array([force.measured for force in held]))
     recorder.align(turn)
-    held = [each._replace(measured=turn @ each.measured) for each in held]
+    held = [force._replace(measured=turn @ force.measured) for force in held]
     steps: Steps = {}
     responses: Responses = {}
     for name, axis in axes.items():

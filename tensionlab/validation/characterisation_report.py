@@ -27,9 +27,9 @@ def wall_limits(trials: list[WallTrial]) -> tuple[float, float]:
     """Return the largest stable and the largest passive stiffness in N/m, interpolated between trials, or NaN."""
     largest = max((trial.stiffness for trial in trials if trial.stable), default=math.nan)
     above = min((trial.stiffness for trial in trials if trial.stiffness > largest), default=largest)
-    for before, after in pairwise(trials):
-        if before.added_damping >= 0.0 > after.added_damping:
-            pair = [-before.added_damping, -after.added_damping], [before.stiffness, after.stiffness]
+    for softer, stiffer in pairwise(trials):
+        if softer.added_damping >= 0.0 > stiffer.added_damping:
+            pair = [-softer.added_damping, -stiffer.added_damping], [softer.stiffness, stiffer.stiffness]
             return math.sqrt(largest * above), float(np.interp(0.0, *pair))
     return math.sqrt(largest * above), math.nan
 
@@ -46,11 +46,11 @@ class Quantity(NamedTuple):
 def quantities(result: Characterisation) -> list[Quantity]:
     """Return the numbers of the report, in its order."""
     plan, cable, steps = result.plan, result.backdrive, result.steps.items()
-    desired = np.array([each.desired for each in result.static])
-    measured = np.array([each.measured for each in result.static])
+    desired = np.array([force.desired for force in result.static])
+    measured = np.array([force.measured for force in result.static])
     angle, _, _, vector = deviations(desired, measured)
-    places = 1e3 * np.array([np.linalg.norm(each.found - each.position) for each in result.static])
-    found = [
+    places = 1e3 * np.array([np.linalg.norm(force.found - force.position) for force in result.static])
+    entries = [
         Quantity("force error, mean", "N", {WHOLE: float(vector.mean())}, f"{len(vector)} of {plan.force:g} N"),
         Quantity("force error, largest", "N", {WHOLE: float(vector.max())}, f"within {plan.reach:g} m of home"),
         Quantity("angle error, mean", "°", {WHOLE: float(np.nanmean(angle))}),
@@ -59,10 +59,11 @@ def quantities(result: Characterisation) -> list[Quantity]:
                f"step of {plan.step:g} N"),
         Quantity("rise from 10 to 90 %", "ms", {axis: 1e3 * step.rise for axis, step in steps}),
         Quantity("overshoot", "%", {axis: 100.0 * step.overshoot for axis, step in steps}),
-        Quantity("force bandwidth", "Hz", {axis: each.bandwidth for axis, each in result.responses.items()},
+        Quantity("force bandwidth", "Hz",
+               {axis: response.bandwidth for axis, response in result.responses.items()},
                f"by the host, {plan.amplitude:g} N at {plan.rate:g} cycles/s"),
-        *(Quantity(f"vibration bandwidth, {module}", "Hz", {WHOLE: each.bandwidth}, "by the module")
-          for module, each in result.vibrations.items()),
+        *(Quantity(f"vibration bandwidth, {module}", "Hz", {WHOLE: response.bandwidth}, "by the module")
+          for module, response in result.vibrations.items()),
         *(Quantity(f"backdrive {name}", unit, {axis: part[index] for axis, part in result.backdrive_along.items()})
           for index, (name, unit) in enumerate((("friction", "N"), ("damping", "N s/m"), ("inertia", "kg")))),
         Quantity("friction of a cable", "N", {WHOLE: cable.friction}, f"minimum tension {cable.tension:.2g} N"),
@@ -71,26 +72,27 @@ def quantities(result: Characterisation) -> list[Quantity]:
     for damping, trials in result.walls.items():
         stable, passive = wall_limits(trials)
         note = "never passive" if math.isnan(passive) else f"passive up to {passive:.0f} N/m"
-        found.append(Quantity(f"stable stiffness at {damping:g} N s/m", "N/m", {result.wall_axis: stable}, note))
+        entries.append(Quantity(f"stable stiffness at {damping:g} N s/m", "N/m", {result.wall_axis: stable}, note))
     for name, times in (("round trip of a ping", result.round_trips), ("set-point to report", result.delays)):
         median, late = 1e3 * np.nanpercentile(times, [50.0, 99.0])
-        found.append(Quantity(name, "ms", {WHOLE: float(median)}, f"99th percentile {late:.3g} ms"))
-    return found
+        entries.append(Quantity(name, "ms", {WHOLE: float(median)}, f"99th percentile {late:.3g} ms"))
+    return entries
 
 
 def table(result: Characterisation) -> Table:
     """Return the numbers of the report with what is needed to understand them."""
     columns = [*"xyz", WHOLE]
     rows = [
-        [f"{each.name} ({each.unit})", *map(each.values.get, columns), each.note] for each in quantities(result)
+        [f"{quantity.name} ({quantity.unit})", *map(quantity.values.get, columns), quantity.note]
+        for quantity in quantities(result)
     ]
     notes = [
         "Bandwidth is where the amplitude is 3 dB below the desired one; inf is beyond what was tried. A wall is "
         "stable if a pushed hand comes to rest, and passive if it gives the hand no more energy than it took."
     ]
     measured: dict[str, list[str]] = {}
-    for module, each in result.vibrations.items():
-        pairs = zip(each.frequencies, each.gains, strict=True)
+    for module, response in result.vibrations.items():
+        pairs = zip(response.frequencies, response.gains, strict=True)
         rows_of_file = ", ".join(f"[{frequency:.1f}, {gain:.3g}]" for frequency, gain in pairs)
         measured.setdefault(rows_of_file, []).append(module)
     for gains, names in measured.items():
@@ -118,15 +120,15 @@ def devices_table(result: Characterisation, devices: pandas.DataFrame) -> Table:
 
 def rows(result: Characterisation) -> list[dict[str, Any]]:
     """Return all measurements, one a row: what, of which part, at which value of what, and the result."""
-    found: list[dict[str, Any]] = []
+    records: list[dict[str, Any]] = []
 
     def add(what: str, part: str, at: float, at_unit: str, value: float, unit: str) -> None:
         row = {"measurement": what, "of": part, "at": float(at), "at_unit": at_unit}
-        found.append(row | {"value": float(value), "unit": unit})
+        records.append(row | {"value": float(value), "unit": unit})
 
-    for each in quantities(result):
-        for part, value in each.values.items():
-            add(each.name, part, math.nan, "", value, each.unit)
+    for quantity in quantities(result):
+        for part, value in quantity.values.items():
+            add(quantity.name, part, math.nan, "", value, quantity.unit)
     for number, held in enumerate(result.static):
         for axis, wanted, got in zip("xyz", held.desired, held.measured, strict=True):
             add("desired force", axis, number, "", wanted, "N")
@@ -140,7 +142,7 @@ def rows(result: Characterisation) -> list[dict[str, Any]]:
     for trial in (trial for trials in result.walls.values() for trial in trials):
         add("growth at a wall", f"{trial.damping:g} N s/m", trial.stiffness, "N/m", trial.growth, "1/s")
         add("added damping", f"{trial.damping:g} N s/m", trial.stiffness, "N/m", trial.added_damping, "N s/m")
-    return found
+    return records
 
 
 def as_json(result: Characterisation, devices: pandas.DataFrame, manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -89,12 +89,12 @@ class Recording:
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the table by name, a row for each force; `Status` by name."""
-        found: dict[str, Any] = {"vector": np.arange(len(self.desired))}
+        columns: dict[str, Any] = {"vector": np.arange(len(self.desired))}
         for name, parts in _parts(self.manifest["recording"]["modules"]).items():
-            found |= {f"{name}.{part}": getattr(self, name)[:, i] for i, part in enumerate(parts)}
-        found |= {name: getattr(self, name) for name in FORCE_COLUMNS}
-        found["status"] = [Status(each).name for each in self.status]
-        return found
+            columns |= {f"{name}.{part}": getattr(self, name)[:, i] for i, part in enumerate(parts)}
+        columns |= {name: getattr(self, name) for name in FORCE_COLUMNS}
+        columns["status"] = [Status(code).name for code in self.status]
+        return columns
 
     @property
     def title(self) -> str:

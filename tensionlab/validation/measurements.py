@@ -80,11 +80,11 @@ class Recorder:
 
     def observe(self, state: RigState) -> None:
         """Take over the state of a cycle, and read the sensor."""
-        before = getattr(self, "state", state).time
+        previous_time = getattr(self, "state", state).time
         self.state = state
         self.delays.append(state.delays)
         self._forces = (self._sensor.take() - self._zero) @ self._rotation.T
-        self._times = np.linspace(before, state.time, len(self._forces) + 1)[1:]
+        self._times = np.linspace(previous_time, state.time, len(self._forces) + 1)[1:]
 
     def align(self, rotation: Floats) -> None:
         """Turn all later forces by one more rotation (3, 3)."""
@@ -191,7 +191,7 @@ def vibration_response(
     recorder: Recorder, rig: Rig, module: str, amplitude: float, frequencies: Floats
 ) -> Measuring[FrequencyResponse]:
     """Have a module render a vibration at its own rate, while the others hold the balance."""
-    index = [each.name for each in rig.modules].index(module)
+    index = [candidate.name for candidate in rig.modules].index(module)
     length, pull = float(recorder.state.lengths[index]), rig.modules[index].lower + 4.0 * amplitude
 
     def vibrate(frequency: float) -> Callable[[float], Demand]:
@@ -253,9 +253,9 @@ class StepResponse:
 
 def step_response(recorder: Recorder, axis: Floats, size: float) -> Measuring[StepResponse]:
     """Render no force, and then one along an axis."""
-    before = yield from recorder.render(constant(Demand(0.0 * axis)), 2.0 * SETTLE_S)
+    baseline = yield from recorder.render(constant(Demand(0.0 * axis)), 2.0 * SETTLE_S)
     after = yield from recorder.render(constant(Demand(size * axis)), 2.0 * SETTLE_S)
-    return StepResponse(after.times, (after.forces - before.settled().forces.mean(axis=0)) @ axis)
+    return StepResponse(after.times, (after.forces - baseline.settled().forces.mean(axis=0)) @ axis)
 
 
 @dataclass(frozen=True)
@@ -277,17 +277,17 @@ class BackdriveImpedance:
 def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[BackdriveImpedance]:
     """Render no force while a hand moves the sensor to and fro, along one axis after another."""
     samples = yield from recorder.render(constant(Demand(np.zeros(3))), seconds)
-    found = recorder.reports(rig, samples)
-    accelerations = np.gradient(found.speeds, found.times, axis=0)
-    pace = np.linalg.norm(found.velocities, axis=1)
-    used = (pace > SLOW_SHARE * pace.max()) & (found.times > SETTLE_S)
-    ways = found.velocities / np.where(used, pace, 1.0)[:, None]
-    shares = np.einsum("kd,kdm->km", ways, found.structures)
-    parts = (np.sign(found.speeds), found.speeds, accelerations)
+    reports = recorder.reports(rig, samples)
+    accelerations = np.gradient(reports.speeds, reports.times, axis=0)
+    pace = np.linalg.norm(reports.velocities, axis=1)
+    used = (pace > SLOW_SHARE * pace.max()) & (reports.times > SETTLE_S)
+    ways = reports.velocities / np.where(used, pace, 1.0)[:, None]
+    shares = np.einsum("kd,kdm->km", ways, reports.structures)
+    parts = (np.sign(reports.speeds), reports.speeds, accelerations)
     rows = np.column_stack([*(np.sum(shares * part, axis=1) for part in parts), ways])
-    values = np.sum(ways * found.forces, axis=1) - np.sum(shares * found.tensions, axis=1)
+    values = np.sum(ways * reports.forces, axis=1) - np.sum(shares * reports.tensions, axis=1)
     friction, damping, mass = fit(rows[used], values[used]).coefficients[:3].tolist()
-    return BackdriveImpedance(friction, damping, mass, float(found.tensions.min()))
+    return BackdriveImpedance(friction, damping, mass, float(reports.tensions.min()))
 
 
 @dataclass(frozen=True)
@@ -331,10 +331,10 @@ def wall_trial(
 
     yield from recorder.render(lambda _: Demand(-CENTRING_N_M * (recorder.state.pose.position - home)), REST_S)
     samples = yield from recorder.render(demand, TRIAL_S, swings_far)
-    found = recorder.reports(rig, samples)
-    found = Reports(*(values[found.times > PUSH_S + SETTLE_S / 2.0] for values in found))
-    times, place, speed = found.times, (found.positions - home) @ axis, found.velocities @ axis
-    given = float(np.sum((found.forces @ axis + stiffness * place) * speed))
+    reports = recorder.reports(rig, samples)
+    reports = Reports(*(values[reports.times > PUSH_S + SETTLE_S / 2.0] for values in reports))
+    times, place, speed = reports.times, (reports.positions - home) @ axis, reports.velocities @ axis
+    given = float(np.sum((reports.forces @ axis + stiffness * place) * speed))
     pace = float(np.mean(speed**2)) / max(float(np.var(place)), 1e-12)
     swing = np.sqrt((place - place.mean()) ** 2 + speed**2 / max(pace, 1e-12))
     half = len(swing) // 2

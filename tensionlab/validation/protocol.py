@@ -164,7 +164,7 @@ def measure(
         assert cycle is not None
         average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
         limiters = zip(rig.modules, cycle.state.limiters.tolist(), strict=True)
-        found = Measurement(
+        measurement = Measurement(
             number=number,
             desired=tuple(forces[number].tolist()),
             rendered=tuple(cycle.allocation.wrench.tolist()),
@@ -177,7 +177,7 @@ def measure(
             rested=rested,
             limited_modules=tuple(module.name for module, limiter in limiters if limiter not in NO_LIMIT),
         )
-        on_measured(found)
+        on_measured(measurement)
 
     chosen = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits, solver=solver)
     continuous = [CONTINUOUS_CURRENT_A * newton_per_ampere(module) for module in rig.modules]
@@ -245,8 +245,8 @@ class Journal:
         text = read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES) if path.exists() else ""
         whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
         first, *lines = whole.splitlines() or [json.dumps(head)]
-        found = validation.validate(dict[str, Any], parse_json(first, f"{path}, line 1", LogError), LogError, path)
-        if other := [key for key in head | found if found.get(key) != head.get(key)]:
+        saved = validation.validate(dict[str, Any], parse_json(first, f"{path}, line 1", LogError), LogError, path)
+        if other := [key for key in head | saved if saved.get(key) != head.get(key)]:
             advice = "continue with the same, or name another folder"
             raise LogError(f"{path} is of a validation with other {', '.join(other):.100}; {advice}")
         for number, line in enumerate(lines):
@@ -295,8 +295,8 @@ def validate(
     setup = plan.setup(simulated=opened is None or opened[1].simulated)
     journal = Journal(folder / JOURNAL_FILE, setup)
     total = len(plan.protocol.forces)
-    before = len(journal.measurements)
-    if before == total:
+    done = len(journal.measurements)
+    if done == total:
         return setup, journal.measurements
 
     def keep(measurement: Measurement) -> None:
@@ -312,6 +312,6 @@ def validate(
         modules.close()
     else:
         group, real_sensor = opened
-        real_time, first = RealClock(group.clients), max(before - 1, 0)
+        real_time, first = RealClock(group.clients), max(done - 1, 0)
         measure(plan.rig, group, real_time, real_sensor, plan.solver, plan.protocol, keep, first)
     return setup, journal.measurements

@@ -103,24 +103,24 @@ class ValidationResult:
     @property
     def exact(self) -> int:
         """Number of forces that the nominal rig can render."""
-        return sum(each.status == "EXACT" for each in self.measurements[AXIS_FORCES:])
+        return sum(measurement.status == "EXACT" for measurement in self.measurements[AXIS_FORCES:])
 
     @property
     def fallback_used(self) -> int:
         """Number of unproven answers of the solver, for which the exact solver's were sent."""
-        return sum(each.fallback_used for each in self.measurements[AXIS_FORCES:])
+        return sum(measurement.fallback_used for measurement in self.measurements[AXIS_FORCES:])
 
     @property
     def rested(self) -> float:
         """Time for which modules had to cool between forces, in s."""
-        return sum(each.rested for each in self.measurements)
+        return sum(measurement.rested for measurement in self.measurements)
 
 
 def evaluate(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> ValidationResult:
     """Return the result of a complete validation, aligned by what the nominal rig renders on the axes."""
-    measured = np.array([each.measured for each in measurements]) @ UPRIGHT.T
-    rendered = np.array([each.rendered for each in measurements])
-    desired = np.array([each.desired for each in measurements])[AXIS_FORCES:]
+    measured = np.array([measurement.measured for measurement in measurements]) @ UPRIGHT.T
+    rendered = np.array([measurement.rendered for measurement in measurements])
+    desired = np.array([measurement.desired for measurement in measurements])[AXIS_FORCES:]
     aligned = {}
     for name, fit_alignment in ALIGNMENTS.items():
         rotation = fit_alignment(rendered[:AXIS_FORCES], measured[:AXIS_FORCES])
@@ -141,7 +141,7 @@ def make_recording(result: ValidationResult, rig: Rig, sensor: str, manifest: Ma
         "modules": [module.name for module in rig.modules],
         "solver": setup["solver"],
         "sensor": sensor,
-        "rotations": {name: (each.rotation @ UPRIGHT).tolist() for name, each in result.aligned.items()},
+        "rotations": {name: (fit.rotation @ UPRIGHT).tolist() for name, fit in result.aligned.items()},
         "alignment": "paper",
         "rate": float(SAMPLE_RATE_HZ),
         "hold": setup["hold"],
@@ -152,18 +152,18 @@ def make_recording(result: ValidationResult, rig: Rig, sensor: str, manifest: Ma
     return Recording(
         desired=result.desired,
         measured=result.aligned["paper"].forces,
-        status=np.array([Status[each.status] for each in kept], dtype=np.int64),
-        limited_modules=np.array([" ".join(each.limited_modules) for each in kept]),
+        status=np.array([Status[measurement.status] for measurement in kept], dtype=np.int64),
+        limited_modules=np.array([" ".join(measurement.limited_modules) for measurement in kept]),
         manifest={**manifest, "recording": about},
-        **{name: np.array([getattr(each, name) for each in kept]) for name in same},
+        **{name: np.array([getattr(measurement, name) for measurement in kept]) for name in same},
     )
 
 
 def comparison(result: ValidationResult) -> dict[str, dict[str, Any]]:
     """Return the numbers that are compared, of forces aligned as published, by their names."""
-    found = result.aligned["paper"].score
+    scores = result.aligned["paper"].score
     return {
-        name: {"quantity": quantity, "unit": unit, "published": published, **found.loc[quantity]}
+        name: {"quantity": quantity, "unit": unit, "published": published, **scores.loc[quantity]}
         for name, unit, quantity, published in LINES
     }
 
@@ -173,31 +173,31 @@ def remarks(result: ValidationResult) -> list[str]:
     setup = result.setup
     count = len(result.desired)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
-    found = [READING, GRID, f"Averages are {window}: tensions still move before."]
+    notes = [READING, GRID, f"Averages are {window}: tensions still move before."]
     rig, published = rig_from_toml(setup["rig"], "rig of the setup"), ring_plus_top(1.0)
     if rig.m != published.m or np.abs(rig.anchors - published.anchors).max() > SAME_PLACE_M:
         advice = "take the published column as an order of magnitude, not as a target"
-        found.insert(0, f"{rig.name} is not the published rig: {advice}.")
+        notes.insert(0, f"{rig.name} is not the published rig: {advice}.")
     if setup["simulated"]:
         which = f"preset {setup['preset']}, seed {setup['seed']}" if setup["preset"] else "in another process"
-        found.insert(0, f"These modules are simulated: {which}.")
+        notes.insert(0, f"These modules are simulated: {which}.")
     if result.exact < count:
-        found.append(f"{result.exact} of {count} forces are feasible; of the others, the nearest was rendered.")
+        notes.append(f"{result.exact} of {count} forces are feasible; of the others, the nearest was rendered.")
     if result.fallback_used:
-        found.append(
+        notes.append(
             f"In {result.fallback_used} of {count} forces {setup['solver']} left its answer unproven, so that "
             "newton's was sent: not all of these numbers are its own."
         )
     tilt = rotation_angle(result.aligned["kabsch"].rotation @ result.aligned["paper"].rotation.T)
     if tilt > TILTED_DEG:  # which the published alignment leaves in the errors
-        found.append(
+        notes.append(
             f"The best rotation (Kabsch) differs from the published alignment by {tilt:.1f} degrees: the "
             "sensor leans, or the forces on the axes are off; a turn about the vertical leaves that in the errors."
         )
     if result.rested:
-        found.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
-    limited = Counter(name for each in result.measurements for name in each.limited_modules)
-    return found + [
+        notes.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
+    limited = Counter(name for measurement in result.measurements for name in measurement.limited_modules)
+    return notes + [
         f"Module {name} was at a limit of its own at {times} forces." for name, times in limited.items()
     ]
 
@@ -215,8 +215,8 @@ def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, 
         "source": SOURCE,
         "comparison": comparison(result),
         "alignments": {
-            name: {"rotation": each.rotation, "degrees": each.angle, "score": each.score.to_dict("index")}
-            for name, each in result.aligned.items()
+            name: {"rotation": fit.rotation, "degrees": fit.angle, "score": fit.score.to_dict("index")}
+            for name, fit in result.aligned.items()
         },
         "remarks": remarks(result),
     }

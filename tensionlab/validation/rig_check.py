@@ -154,9 +154,9 @@ def _weight(rig: Rig, structure: Floats) -> Finding:
     """Check that the cables can hold the platform's weight at home."""
     assert rig.platform is not None
     assert rig.weight is not None
-    found = allocate(structure, -rig.weight, rig.limits)
-    if found.status == Status.EXACT:
-        tensions = f"{found.tensions.min():.3g} to {found.tensions.max():.3g} N"
+    allocation = allocate(structure, -rig.weight, rig.limits)
+    if allocation.status == Status.EXACT:
+        tensions = f"{allocation.tensions.min():.3g} to {allocation.tensions.max():.3g} N"
         return Finding("weight", True, f"{rig.platform.mass:g} kg are held at home, with tensions of {tensions}")
     text = f"{rig.platform.mass:g} kg cannot be held at home within the limits: move modules or widen the limits"
     return Finding("weight", False, text)
@@ -212,10 +212,10 @@ def _walls(rig: Rig, structure: Floats) -> Finding:
     loop = f"{1.0 / wall_stiffness.CYCLE_S:g} cycles/s, {1e3 * wall_stiffness.LATENCY_S:g} ms late"
     names = [f"{sign}{axis}" for sign in "+-" for axis in "xyz"[: rig.dimension]]
     axes = np.eye(rig.dimension)
-    found = wall_stiffness.module_stiffness(structure.T, np.concatenate([axes, -axes]))
+    stiffnesses = wall_stiffness.module_stiffness(structure.T, np.concatenate([axes, -axes]))
     modules = [
         f"{stiffness:.0f} N/m towards {name}"
-        for name, stiffness in sorted(zip(names, found, strict=True), key=lambda each: each[0][1:])
+        for name, stiffness in sorted(zip(names, stiffnesses, strict=True), key=lambda pair: pair[0][1:])
         if stiffness >= wall_stiffness.LEAST_MODULE_STIFFNESS
     ]
     if not modules:

@@ -74,8 +74,8 @@ class ForceParser:
     def feed(self, text: str) -> Floats:
         """Return the forces of the lines that are complete now, (K, 3) in N."""
         *lines, self._rest = (self._rest + text).split("\n")
-        found = [force for line in lines if (force := self._parse(line)) is not None]
-        return np.array(found).reshape(-1, 3)
+        forces = [force for line in lines if (force := self._parse(line)) is not None]
+        return np.array(forces).reshape(-1, 3)
 
     def _parse(self, line: str) -> list[float] | None:
         self._line += 1
@@ -246,7 +246,7 @@ class SimulatedSensor:
         """Sample the steps of the modules, once each ms; what `World.watch` calls."""
         first = -self._steps % STEPS_PER_SAMPLE
         self._steps += len(samples[0])
-        self._kept.append((self._pose().position, [each[first::STEPS_PER_SAMPLE] for each in samples]))
+        self._kept.append((self._pose().position, [series[first::STEPS_PER_SAMPLE] for series in samples]))
 
     def take(self) -> Floats:
         """Return the forces since the last call."""
@@ -256,7 +256,7 @@ class SimulatedSensor:
         pulls = self._rig.structure_matrix(np.array([place for place, _ in kept]), frames=self._rig.at_rest)
         counts = [len(samples[0]) for _, samples in kept]
         steps = np.stack(
-            [np.concatenate(each) for each in zip(*(samples for _, samples in kept), strict=True)], -1
+            [np.concatenate(parts) for parts in zip(*(samples for _, samples in kept), strict=True)], -1
         )
         tensions = np.maximum(steps[:, TENSION] + steps[:, DRIVER_ON] * self._biases, 0.0)
         forces = np.einsum("kdm,km->kd", np.repeat(self._rotation @ pulls, counts, axis=0), tensions)

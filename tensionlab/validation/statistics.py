@@ -80,8 +80,8 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> pandas.DataFrame:
     """
     if not len(desired):
         raise ShapeError("no forces were measured; there is nothing to compare")
-    found = deviations(desired, measured)
-    values = np.array([*found, 100.0 * (found.angle <= MAX_ANGLE_DEG)])
+    errors = deviations(desired, measured)
+    values = np.array([*errors, 100.0 * (errors.angle <= MAX_ANGLE_DEG)])
     drawn = np.random.default_rng(seed).integers(0, len(desired), (RESAMPLES, len(desired)))
     sines = np.linalg.norm(desired[:, [0, 2]], axis=-1) / np.linalg.norm(desired, axis=-1)
     table: dict[str, Floats] = {}
@@ -107,14 +107,14 @@ def estimate_cables(structure: Floats, tensions: Floats, forces: Floats) -> Cabl
 
     From commanded tensions (K, m) and measured forces (K, 3), in N, in the axes of the structure matrix (3, m).
     """
-    found = fit_cables(structure, tensions, forces)
+    regression = fit_cables(structure, tensions, forces)
     m = structure.shape[1]
     inverse = np.linalg.pinv(structure)
-    values = np.concatenate([found.coefficients[:m], inverse @ found.coefficients[m:]])
-    variances = [np.diag(found.covariance)[:m], np.diag(inverse @ found.covariance[m:, m:] @ inverse.T)]
+    values = np.concatenate([regression.coefficients[:m], inverse @ regression.coefficients[m:]])
+    variances = [np.diag(regression.covariance)[:m], np.diag(inverse @ regression.covariance[m:, m:] @ inverse.T)]
     spreads = np.sqrt(np.concatenate(variances))
-    each = [around(float(v), float(s), found.freedom) for v, s in zip(values, spreads, strict=True)]
-    return CableEstimates(tuple(each[:m]), tuple(each[m:]))
+    estimates = [around(float(v), float(s), regression.freedom) for v, s in zip(values, spreads, strict=True)]
+    return CableEstimates(tuple(estimates[:m]), tuple(estimates[m:]))
 
 
 def fit_cables(structure: Floats, tensions: Floats, forces: Floats) -> LinearFit:

@@ -50,9 +50,11 @@ def check_trajectory(rig: Rig, path: Trajectory, wrenches: Floats) -> tuple[list
     Return the findings, and rows of `WINCH_COLUMNS`.
     """
     structure = rig.structure_matrix(path.position, path.rotation, rig.at_rest)
-    found = allocate(structure, wrenches, rig.limits)
+    allocation = allocate(structure, wrenches, rig.limits)
     winding = np.einsum("knm,kn->km", structure, path.twist(rig))
-    able = np.stack([winding_speed(*each) for each in zip(rig.modules, found.tensions.T, strict=True)], axis=-1)
+    able = np.stack(
+        [winding_speed(*pair) for pair in zip(rig.modules, allocation.tensions.T, strict=True)], axis=-1
+    )
     findings = [_feasible(rig, path, structure, wrenches), _motors(rig, path, winding, able)]
     if rig.bodies:
         margins = np.array([body.margin for body in rig.bodies])
@@ -66,7 +68,7 @@ def check_trajectory(rig: Rig, path: Trajectory, wrenches: Floats) -> tuple[list
         sample = int(apart.argmin())
         names = " and ".join(rig.modules[index].name for index in pairs[sample])
         findings.append(Finding("cables", None, f"{names} are {apart[sample]:.3f} m apart {_at(path, sample)}"))
-    return findings, _winches(rig, path, found, winding, able)
+    return findings, _winches(rig, path, allocation, winding, able)
 
 
 def _smallest(values: Floats) -> tuple[int, ...]:
