@@ -156,11 +156,11 @@ class Comparison:
     @property
     def failures(self) -> dict[str, str]:
         """Number of failed wrenches and the first reason, by the name of the solver."""
-        found: dict[str, str] = {}
+        reasons: dict[str, str] = {}
         for row, allocation in zip(self.rows, self.allocations, strict=True):
             for reason in list(allocation.failures.values())[:1]:
-                found.setdefault(row.solver, f"at {row.failed} of {len(self.wrenches)}: {reason}")
-        return found
+                reasons.setdefault(row.solver, f"at {row.failed} of {len(self.wrenches)}: {reason}")
+        return reasons
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the long table: a row for each solver, policy, problem and quantity, with its value.
@@ -173,13 +173,15 @@ class Comparison:
             "solver": np.repeat([row.solver for row in self.rows], problems),
             "policy": np.repeat([row.policy for row in self.rows], problems),
             "problem": np.tile(np.arange(problems), len(answers)),
-            "status": np.concatenate([found.status for found in answers]),
-            "residual": np.concatenate([found.residual for found in answers]),
-            "angle_deg": np.concatenate([angles(self.wrenches[:, :d], found.wrench[:, :d]) for found in answers]),
-            "iterations": np.concatenate([found.iterations for found in answers]),
+            "status": np.concatenate([answer.status for answer in answers]),
+            "residual": np.concatenate([answer.residual for answer in answers]),
+            "angle_deg": np.concatenate(
+                [angles(self.wrenches[:, :d], answer.wrench[:, :d]) for answer in answers]
+            ),
+            "iterations": np.concatenate([answer.iterations for answer in answers]),
         }
         for number, module in enumerate(self.rig.modules):
-            columns[f"tension.{module.name}"] = np.concatenate([found.tensions[:, number] for found in answers])
+            columns[f"tension.{module.name}"] = np.concatenate([answer.tensions[:, number] for answer in answers])
         return provenance.data_frame(columns).melt(["solver", "policy", "problem"], var_name="quantity")
 
 
@@ -284,12 +286,12 @@ def compare(
         for policy in {run.policy or POLICIES[0] for run in runs}
     }
     if path is not None:
-        for each in answers:
-            each.continuity = measure_continuity(each.allocator, path, each.allocation)
+        for answer in answers:
+            answer.continuity = measure_continuity(answer.allocator, path, answer.allocation)
     scored = zip(runs, of_run, strict=True)
-    rows = [_score(place, run, desired, found, optima[run.policy or POLICIES[0]]) for run, found in scored]
+    rows = [_score(place, run, desired, answer, optima[run.policy or POLICIES[0]]) for run, answer in scored]
     at = poses.times if isinstance(poses, Trajectory) else None
-    allocations = tuple(each.allocation for each in of_run)
+    allocations = tuple(answer.allocation for answer in of_run)
     return Comparison(rig, place, structure, desired, tuple(rows), allocations, missing, magnitude, at)
 
 
@@ -384,10 +386,10 @@ def _time_calls(
 
     def turns() -> Iterator[tuple[range, dict[int, Callable[[int], float]]]]:
         for turn, first in enumerate(range(0, count, CALLS_PER_TURN)):
-            timed = [index for index, each in enumerate(answers) if np.nansum(each.calls) <= MAX_TIMED_S]
-            for each in answers if turn < TIMED_BATCHES else ():
-                if each.batches[0] < QUICK_BATCH_S:
-                    each.batches.append(seconds(each.allocator, structure, wrenches))
+            timed = [index for index, answer in enumerate(answers) if np.nansum(answer.calls) <= MAX_TIMED_S]
+            for answer in answers if turn < TIMED_BATCHES else ():
+                if answer.batches[0] < QUICK_BATCH_S:
+                    answer.batches.append(seconds(answer.allocator, structure, wrenches))
             last = min(first + CALLS_PER_TURN, count)
             yield range(first, last), {index: partial(time_call, index) for index in timed}
             progress(last / count)
@@ -398,9 +400,9 @@ def _time_calls(
 
 def _score(place: Floats, run: Selected, desired: Floats, answers: Answers, best: Allocation) -> Score:
     """Return the statistics of the answers of one solver at one position, or along a trajectory."""
-    found, continuity = answers.allocation, answers.continuity
-    d, counts = place.shape[-1], found.counts()
-    angle, gaps = angles(desired[:, :d], found.wrench[:, :d]), abs(found.tensions - best.tensions)
+    allocation, continuity = answers.allocation, answers.continuity
+    d, counts = place.shape[-1], allocation.counts()
+    angle, gaps = angles(desired[:, :d], allocation.wrench[:, :d]), abs(allocation.tensions - best.tensions)
     return Score(
         solver=run.name,
         policy=run.policy,
@@ -408,16 +410,16 @@ def _score(place: Floats, run: Selected, desired: Floats, answers: Answers, best
         nearest_count=counts[Status.NEAREST],
         unproven=counts[Status.UNPROVEN],
         failed=counts[Status.FAILED],
-        residual_mean=_finite(np.mean, found.residual),
-        residual_max=_finite(np.max, found.residual),
+        residual_mean=_finite(np.mean, allocation.residual),
+        residual_max=_finite(np.max, allocation.residual),
         angle_mean_deg=_finite(np.mean, angle),
         angle_max_deg=_finite(np.max, angle),
-        tension_sq_mean=_finite(np.mean, found.tensions**2),
-        tension_max=_finite(np.max, found.tensions),
+        tension_sq_mean=_finite(np.mean, allocation.tensions**2),
+        tension_max=_finite(np.max, allocation.tensions),
         jump=continuity.jump,
         jump_beyond=continuity.beyond,
         step_max=continuity.step,
-        iterations_max=_finite(np.max, found.iterations),
+        iterations_max=_finite(np.max, allocation.iterations),
         gap_max=_finite(np.max, gaps[best.status == Status.EXACT] if run.policy is None else gaps),
         call_median_s=float(np.nanmedian(answers.calls)),
         call_p99_s=float(np.nanquantile(answers.calls, 0.99)),

@@ -78,9 +78,9 @@ def _largest(
     for _ in range(HALVINGS):
         middle = (low + high) / 2.0
         between = tensions(allocator(*path(middle)))
-        left = abs(between - start).max(axis=1) >= abs(end - between).max(axis=1)
-        low, high = np.where(left, low, middle), np.where(left, middle, high)
-        start, end = np.where(left[:, None], start, between), np.where(left[:, None], between, end)
+        first_half = abs(between - start).max(axis=1) >= abs(end - between).max(axis=1)
+        low, high = np.where(first_half, low, middle), np.where(first_half, middle, high)
+        start, end = np.where(first_half[:, None], start, between), np.where(first_half[:, None], between, end)
     heights = abs(end - start).max(axis=1)
     jumps = heights > MIN_JUMP_N  # false where the path leaves what is feasible
     steps[largest[jumps]] = 0.0

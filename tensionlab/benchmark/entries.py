@@ -67,7 +67,7 @@ def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None)
         wrappers = () if reachable == "all" else POLICY_WRAPPERS
         names = [name for name in installed if name.partition(":")[0] not in WRAPPERS or name in wrappers]
         solvers = [*names, *BASELINES]
-    found: list[Entry] = []
+    all_entries: list[Entry] = []
     for name, instance in name_solvers(solvers).items():
         if name in BASELINES:
             backend, missing = name.removeprefix("qpsolvers:"), ""
@@ -75,9 +75,9 @@ def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None)
                 make_baseline(name)
             except MissingDependency:
                 missing = "not installed"
-            found.append(Entry(name, "default", None, LEAST_SQUARES, missing))
+            all_entries.append(Entry(name, "default", None, LEAST_SQUARES, missing))
             if backend == name or backend in TIGHT:
-                found.append(Entry(name, "tight", None, LEAST_SQUARES, missing))
+                all_entries.append(Entry(name, "tight", None, LEAST_SQUARES, missing))
             continue
         try:
             solver = guarded(instance or make(name))
@@ -86,8 +86,8 @@ def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None)
             raise UnknownSolver(f"{str(error).partition(';')[0]}; {others}") from None
         missing = "" if installed.get(name, True) else "not installed"
         policies = solver.policies[: 1 if reachable == "all" else len(POLICIES)] or (None,)
-        found += [Entry(name, "proved", policy, solver.objective, missing, solver) for policy in policies]
-    return found
+        all_entries += [Entry(name, "proved", policy, solver.objective, missing, solver) for policy in policies]
+    return all_entries
 
 
 class CallTimes(NamedTuple):

@@ -78,25 +78,25 @@ def evaluate_set(
     best = {policy: [optimum(replace(block.problem, policy=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
     measured = [no_measurements(entry, scale) for entry in entries]
-    present = [(each, driver(each.entry)) for each in measured if not each.entry.missing]
+    present = [(record, driver(record.entry)) for record in measured if not record.entry.missing]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # backends warn of what is verified here
         with without_collector():
-            for done, (each, runs) in enumerate(present, start=1):
+            for done, (record, runs) in enumerate(present, start=1):
                 gc.collect()
-                _answer(each, runs, blocks, best[each.entry.compared_policy], budget_s, repeats)
+                _answer(record, runs, blocks, best[record.entry.compared_policy], budget_s, repeats)
                 progress(0.4 * done / len(present))
         _time_calls(present, repeats, rng, lambda share: progress(0.4 + 0.5 * share))
-        for done, (each, _) in enumerate(present, start=1):
-            entry = each.entry
+        for done, (record, _) in enumerate(present, start=1):
+            entry = record.entry
             if entry.instance is not None and entry.solver.partition(":")[0] not in WRAPPERS:
                 allocator = partial(Allocator, solver=entry.instance, policy=entry.policy)
-                each.batch_s = _time_batch(allocator, each.timed, budget_s / 4)
+                record.batch_s = _time_batch(allocator, record.timed, budget_s / 4)
             progress(0.9 + 0.1 * done / len(present))
     numbers = {"problem": np.arange(len(scale))}
-    tables = [each.entry.key(problems.name) | numbers | each.values for each, _ in present]
+    tables = [record.entry.key(problems.name) | numbers | record.values for record, _ in present]
     verified = {policy: int(sum(block.verified.sum() for block in best[policy])) for policy in policies}
-    return SetResults([summarise(problems.name, each) for each in measured], tables, verified)
+    return SetResults([summarise(problems.name, record) for record in measured], tables, verified)
 
 
 def no_measurements(entry: Entry, scale: Floats) -> Measurements:
@@ -187,8 +187,8 @@ def _verify(measured: Measurements, block: Block, answer: Answer, best: Optimum)
     """Compare raw answers with limits and optimum, and verify those of a solver."""
     entry, rows, values = measured.entry, block.rows, measured.values
     problem = replace(block.problem, policy=entry.compared_policy)
-    for name, found in deviations(problem, best, answer.tensions).items():
-        values[name][rows] = found
+    for name, deviation in deviations(problem, best, answer.tensions).items():
+        values[name][rows] = deviation
     values["reachable"][rows] = best.reachable
     values["iterations"][rows] = answer.iterations
     if entry.setting == "proved":

@@ -161,10 +161,10 @@ def measure(
         for name in (measurements[0] if measurements else ())
     }
     table = provenance.data_frame(columns) if columns else None
-    found = results.Results(provenance.data_frame(rows), manifest, table)
+    outcome = results.Results(provenance.data_frame(rows), manifest, table)
     if folder is not None:
-        results.write(folder, found)
-    return found
+        results.write(folder, outcome)
+    return outcome
 
 
 @contextmanager

@@ -41,13 +41,13 @@ def optimum(problem: Problem) -> Optimum:
     follow from the equations, which are solved once more: cables nearly in a plane turn an error of 1e-11 N in
     the wrench, which no status notices, into one of 1e-4 N in the tensions.
     """
-    found = verify(problem, Newton().solve(problem))
-    reachable = found.status == Status.EXACT
-    tensions, sensitivity = _polished(problem, found.tensions, reachable)
+    answer = verify(problem, Newton().solve(problem))
+    reachable = answer.status == Status.EXACT
+    tensions, sensitivity = _polished(problem, answer.tensions, reachable)
     wrench = times(problem.structure, tensions)
     missing = np.linalg.norm(problem.wrench - wrench, axis=1)
     bound = np.where(reachable, missing * sensitivity, 0.0) + distance_bound(problem, tensions)
-    known = reachable | (found.status == Status.NEAREST)
+    known = reachable | (answer.status == Status.NEAREST)
     verified = known & (bound <= VERIFIED_BOUND * np.maximum(1.0, largest_limit(problem)))
     return Optimum(tensions, wrench, reachable, verified)
 
@@ -125,8 +125,8 @@ def distance_bound(problem: Problem, tensions: Floats, separation: Floats | None
             bound = np.minimum(bound, _bound(problem, tensions, multipliers + size * scale[:, None] * along))
     # With few cables off their limits, many multipliers serve those, and most of them not the others.
     for row in np.flatnonzero(bound > ENOUGH * scale):
-        found = _multipliers(problem.structure[row], change[row], low[row], high[row])
-        one = _moved(change[row] - problem.structure[row].T @ found, low[row], high[row])
+        row_multipliers = _multipliers(problem.structure[row], change[row], low[row], high[row])
+        one = _moved(change[row] - problem.structure[row].T @ row_multipliers, low[row], high[row])
         bound[row] = min(bound[row], float(np.linalg.norm(one)))
     return bound
 
@@ -165,7 +165,7 @@ def _multipliers(structure: Floats, change: Floats, low: Flags, high: Flags) -> 
     if not matrix.size:
         return np.zeros(count)
     try:
-        found, _ = nnls(matrix, change[use], maxiter=50 * matrix.shape[1])
+        solution, _ = nnls(matrix, change[use], maxiter=50 * matrix.shape[1])
     except RuntimeError:  # too many iterations: then there is no proof
         return np.full(count, np.nan)
-    return np.asarray(found[:count] - found[count : 2 * count])
+    return np.asarray(solution[:count] - solution[count : 2 * count])

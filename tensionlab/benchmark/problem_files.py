@@ -79,22 +79,22 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
         programs = [(str(file), read_npz(file, KIND, DataError, absent=KEYS), None) for file in files]
     else:
         programs = list(_in_parquet(source))
-    found: dict[str, list[tuple[Floats, ...]]] = {}
+    by_group: dict[str, list[tuple[Floats, ...]]] = {}
     left_out: Counter[str] = Counter()
     for where, arrays, group in programs:
         problem = _allocation(where, arrays)
         if isinstance(problem, str):
             left_out[problem] += 1
         else:
-            found.setdefault(group or size_label(*problem[0].shape), []).append(problem)
+            by_group.setdefault(group or size_label(*problem[0].shape), []).append(problem)
     reasons = ", ".join(f"{number} with {reason}" for reason, number in left_out.most_common())
-    if not found:
+    if not by_group:
         what = f"none of its {len(programs)} programs is a problem of tension allocation: {reasons}"
         raise DataError(f"{path}: {what if programs else 'no programs'}; give {KIND}")
     kept = len(programs) - left_out.total()
     share = 1.0 if count is None else min(1.0, count / kept)
     groups = []
-    for label, rows in found.items():
+    for label, rows in by_group.items():
         chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, max(1, round(share * len(rows)))).astype(int)]
         if len({structure.shape for structure, *_ in chosen}) > 1:
             raise DataError(f"{path}: {label}: its programs differ in size; give each size a group of its own")
@@ -168,10 +168,10 @@ def _allocation(where: str, arrays: Mapping[str, Floats]) -> tuple[Floats, Float
         return "too many variables or equations"
     root, equations = np.sqrt(diagonal), arrays["A"].reshape(n, m)
     offset, rendered = linear / root, wrench + equations @ (linear / diagonal)
-    found = equations / root, rendered, root * lower + offset, root * upper + offset
-    if not all(np.isfinite(each).all() for each in found) or (lower > upper).any():
+    problem = equations / root, rendered, root * lower + offset, root * upper + offset
+    if not all(np.isfinite(array).all() for array in problem) or (lower > upper).any():
         raise DataError(f"{where}: A, b and q must be finite, and lb nowhere above ub")
-    return found
+    return problem
 
 
 def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:

@@ -31,13 +31,13 @@ def describe_kernels() -> str:
 @contextmanager
 def using_threads(count: int) -> Iterator[None]:
     """Let the kernels use `count` threads inside a block; they read the environment in each call."""
-    before = os.environ.get(KERNEL_THREADS)
+    previous = os.environ.get(KERNEL_THREADS)
     os.environ[KERNEL_THREADS] = str(count)
     try:
         yield
     finally:
         del os.environ[KERNEL_THREADS]
-        os.environ.update({} if before is None else {KERNEL_THREADS: before})
+        os.environ.update({} if previous is None else {KERNEL_THREADS: previous})
 
 
 def seconds(call: Callable[..., Any], *arguments: Any) -> float:

@@ -147,23 +147,23 @@ def _track(name: str) -> Track:
     problem, previous = problem_of(group, "force"), np.asarray(group.previous)
     best = optimum(problem)
     both = (problem.structure.reshape(len(problem), -1), problem.wrench)
-    changes = [np.linalg.norm(each - each[previous], axis=1) / np.linalg.norm(each, axis=1) for each in both]
+    changes = [np.linalg.norm(rows - rows[previous], axis=1) / np.linalg.norm(rows, axis=1) for rows in both]
     known = (previous >= 0) & best.reachable & best.reachable[previous]
     return Track(problem, best, previous, np.where(known, np.maximum(*changes), np.nan))
 
 
 def _score(track: Track, tensions: Floats, times_s: Floats) -> dict[str, float]:
     """Compare tensions with the optima of a track."""
-    found = deviations(track.problem, track.best, tensions)
+    deviation = deviations(track.problem, track.best, tensions)
     scale = np.maximum(1.0, np.linalg.norm(track.problem.wrench, axis=1))
-    off = np.maximum(found["error"], found["violation"]) / scale
-    off_optimum = np.maximum(off, found["gap"] / scale)
+    off = np.maximum(deviation["error"], deviation["violation"]) / scale
+    off_optimum = np.maximum(off, deviation["gap"] / scale)
     change = np.abs(tensions - tensions[track.previous]).max(axis=1)
     return {
         "rendered": float((off <= 1e-6).mean()),
         "optimal_1e6": float((off_optimum <= 1e-6).mean()),
         "optimal_1e9": float((off_optimum <= 1e-9).mean()),
-        "violation_max": quantile(found["violation"], 1.0),
+        "violation_max": quantile(deviation["violation"], 1.0),
         "jump": quantile(change[track.moved <= JUMP_SHARE], 1.0),
         "step": quantile(change[track.moved > JUMP_SHARE], 1.0),
         "median_s": quantile(times_s, 0.5),
