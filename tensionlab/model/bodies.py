@@ -250,8 +250,8 @@ def person(
         ("head", (0.0, 0.0, chin + HEAD_M), (0.0, 0.0, top - HEAD_M), HEAD_M),
         ("neck", (0.0, 0.0, shoulder), (0.0, 0.0, chin), NECK_M),
     ] + [
-        (f"{side} {name}", (start[0], left, start[1]), (end[0], left, end[1]), THIGH_M)
-        for side, left in (("left", HIPS_M - THIGH_M), ("right", THIGH_M - HIPS_M))
+        (f"{side} {name}", (start[0], lateral, start[1]), (end[0], lateral, end[1]), THIGH_M)
+        for side, lateral in (("left", HIPS_M - THIGH_M), ("right", THIGH_M - HIPS_M))
         for name, (start, end) in legs.items()
     ]
     same_of_all: dict[str, Any] = {"frame": PERSON, "margin": margin, "sway": sway}

@@ -76,7 +76,7 @@ class ArrayRecord:
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return False
-        names = [each.name for each in fields(self)]  # type: ignore[arg-type]  # those of the subclass
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]  # those of the subclass
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     __hash__ = None  # type: ignore[assignment]

@@ -81,8 +81,8 @@ class Requirement(ArrayRecord):
             raise RigError('keys "box" and "wrenches" are both there; give one of them')
         sizes = {key: array.shape[-1] for key, array in self._arrays().items()}
         if len(set(sizes.values())) > 1:
-            found = " and ".join(f'key "{key}" has {size} components' for key, size in sizes.items())
-            raise RigError(f"{found}; give all the same number")
+            counts = " and ".join(f'key "{key}" has {size} components' for key, size in sizes.items())
+            raise RigError(f"{counts}; give all the same number")
         if not (np.isfinite(self.ball) and 0 <= self.ball <= MAX_TENSION):
             raise RigError(f'key "ball" is {self.ball}; give a radius in N, 0 or more')
         if self.length is not None and not (np.isfinite(self.length) and 0 < self.length <= MAX_LENGTH):
@@ -100,7 +100,9 @@ class Requirement(ArrayRecord):
     def __bool__(self) -> bool:
         """Tell whether anything is required but to hold still without a load."""
         moves = self.acceleration is not None and self.acceleration.any()
-        return bool(self.gravity or self.ball > 0 or moves or any(each.any() for each in self._arrays().values()))
+        return bool(
+            self.gravity or self.ball > 0 or moves or any(array.any() for array in self._arrays().values())
+        )
 
     def _arrays(self) -> dict[str, Floats]:
         given = {key: getattr(self, key) for key in ("wrench", "box", "wrenches")}
@@ -153,11 +155,11 @@ class Requirement(ArrayRecord):
         around = np.zeros((1, rig.n)) if self.wrenches is None else self.wrenches
         if self.box is not None:
             around = _corners(self.box)
-        found = self.middle(rig, rotation)[..., None, :] + around
+        wrenches = self.middle(rig, rotation)[..., None, :] + around
         if self.acceleration is None:
-            return found
+            return wrenches
         moving = self._inertial(rig, rotation)
-        return np.asarray(found[..., None, :] + moving[..., None, :, :]).reshape(*moving.shape[:-2], -1, rig.n)
+        return np.asarray(wrenches[..., None, :] + moving[..., None, :, :]).reshape(*moving.shape[:-2], -1, rig.n)
 
     def _inertial(self, rig: Any, rotation: ArrayLike | None) -> Floats:
         """Return the wrenches (..., k, n) that accelerate the platform, by Newton and Euler for a body at rest."""
@@ -268,7 +270,7 @@ def around_ball(dimension: int) -> Floats:
 
 def _corners(half: Floats) -> Floats:
     """Return the corners (k, n) of a box with half of its edges (n,)."""
-    return np.array(list(product(*((-each, each) if each else (0.0,) for each in half))))
+    return np.array(list(product(*((-edge, edge) if edge else (0.0,) for edge in half))))
 
 
 def _acceleration(values: Any) -> Floats:
