@@ -107,7 +107,7 @@ def allocate_path(
     check_size(n, m)
     if w.ndim != 2 or not len(w) or w.shape[1] != n or W.shape[:-2] not in ((), (len(w),)):
         raise ShapeError(f"structure {W.shape}, wrench {w.shape}: give (K, n, m) or (n, m), and (K, n)")
-    lower, upper = (_broadcast("limits", each, (len(w), m)) for each in tension_limits(limits))
+    lower, upper = (_broadcast("limits", bound, (len(w), m)) for bound in tension_limits(limits))
     rates = _broadcast("rate_limits", rate_limits, (m,))
     near = _broadcast("reference", 0.0 if reference is None else reference, (m,))
     if not (rates > 0.0).all() or not 0.0 < dt < math.inf:
@@ -115,14 +115,14 @@ def allocate_path(
     scale = float(np.maximum(abs(lower), abs(upper)).max()) or 1.0
     bounds = PathBounds(lower / scale, upper / scale, rates * dt / scale)
     path, rendered = _particular(np.broadcast_to(W, (len(w), n, m)), w / scale, near / scale, bounds)
-    found, blocked, iterations = _longest(path, len(w) if rendered.all() else int(rendered.argmin()))
+    solution, blocked, iterations = _longest(path, len(w) if rendered.all() else int(rendered.argmin()))
     tensions = np.full((len(w), m), np.nan)
-    if found is None:
+    if solution is None:
         return PathAllocation(tensions, Status.UNPROVEN, math.nan, None, iterations)
-    count = len(found.tensions)
-    tensions[:count] = np.clip(scale * found.tensions, lower[:count], upper[:count])
+    count = len(solution.tensions)
+    tensions[:count] = np.clip(scale * solution.tensions, lower[:count], upper[:count])
     status = Status.EXACT if blocked is None else Status.NEAREST
-    return PathAllocation(tensions, status, scale * found.distance, blocked, iterations)
+    return PathAllocation(tensions, status, scale * solution.distance, blocked, iterations)
 
 
 def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
@@ -181,7 +181,7 @@ class RateLimitedAllocator:
         """
         W, w = require_finite("structure", structure, 2), require_finite("wrench", wrench, 1)
         given = tension_limits(self._limits if limits is None else limits)
-        lower, upper = (_broadcast("limits", each, W.shape[1:]) for each in given)
+        lower, upper = (_broadcast("limits", bound, W.shape[1:]) for bound in given)
         last_tensions, last_wrench = self._last or (None, w)
         start = last_tensions if before is None else np.asarray(before)
         lowest, highest = lower, upper
@@ -191,9 +191,9 @@ class RateLimitedAllocator:
         ahead = [w, 2.0 * w - last_wrench], (np.stack([lowest, lower]), np.stack([highest, upper]))
         planned = allocate_path(W, *ahead, self._rates, self._dt, self._reference)
         kept = planned.tensions[0] if planned.status is Status.EXACT else self._reference
-        found = allocate(W, w, (lowest, highest), reference=kept)
-        self._last = found.tensions, w
-        return found
+        allocation = allocate(W, w, (lowest, highest), reference=kept)
+        self._last = allocation.tensions, w
+        return allocation
 
 
 class PathBounds(NamedTuple):
@@ -257,15 +257,15 @@ def _particular(
     structure: Floats, wrench: Floats, reference: Floats, bounds: PathBounds
 ) -> tuple[Path, NDArray[np.bool_]]:
     """Return the path, and which samples some tensions render, whatever their limits, (K,)."""
-    left, sigma, right = np.linalg.svd(structure)
+    U, sigma, Vt = np.linalg.svd(structure)
     known = sigma > RANK_TOLERANCE * sigma[:, :1]
     inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=known)
     count = sigma.shape[1]
-    coordinates = inverse * (left[:, :, :count].swapaxes(1, 2) @ wrench[..., None])[..., 0]
-    free = np.ones(right.shape[:2], dtype=bool)
+    coordinates = inverse * (U[:, :, :count].swapaxes(1, 2) @ wrench[..., None])[..., 0]
+    free = np.ones(Vt.shape[:2], dtype=bool)
     free[:, :count] = ~known
-    basis = (free[..., None] * right).swapaxes(1, 2)[:, :, int((~free).sum(axis=1).min()) :]
-    tensions = (coordinates[:, None] @ right[:, :count])[:, 0]
+    basis = (free[..., None] * Vt).swapaxes(1, 2)[:, :, int((~free).sum(axis=1).min()) :]
+    tensions = (coordinates[:, None] @ Vt[:, :count])[:, 0]
     tensions += (basis @ (basis.swapaxes(1, 2) @ reference)[..., None])[..., 0]
     missing = np.linalg.norm((structure @ tensions[..., None])[..., 0] - wrench, axis=1)
     rendered = missing <= TOLERANCE * np.maximum(1e-3, np.linalg.norm(wrench, axis=1))
@@ -290,11 +290,11 @@ def _longest(path: Path, count: int) -> tuple[Solution | None, int | None, int]:
     shortest, longest = 0, count + 1  # lengths that can, and that cannot be rendered
     length = count
     while shortest < longest - 1:
-        found, iterations = _optimum(path.until(length))
+        answer, iterations = _optimum(path.until(length))
         total += iterations
-        if isinstance(found, Solution):
-            solved, shortest = found, length
-        elif found:
+        if isinstance(answer, Solution):
+            solved, shortest = answer, length
+        elif answer:
             longest, blocked = length, length - 1
         else:
             return None, None, total

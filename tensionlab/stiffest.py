@@ -105,7 +105,7 @@ def stiffest_tensions(
     scale = np.abs(gains).max(axis=-1, keepdims=True)
     costs = np.ascontiguousarray(-gains / np.where(scale > 0.0, scale, 1.0))
     structure, wrenches = flatten_batch(W, shape, 2), flatten_batch(desired, shape, 1)
-    lower, upper = (flatten_batch(each, shape, 1) for each in (rig.limits.lower, rig.limits.upper))
+    lower, upper = (flatten_batch(limit, shape, 1) for limit in (rig.limits.lower, rig.limits.upper))
     problem = Problem(structure, wrenches, lower, upper, np.zeros(lower.shape), np.ones(rig.n), None)
     lower, upper, _, multipliers = _native.tighten(problem.arrays, 0, 1.0, flatten_batch(costs, shape, 1))
     best = lower.reshape(*shape, rig.m), upper.reshape(*shape, rig.m)

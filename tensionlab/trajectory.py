@@ -139,8 +139,8 @@ class Trajectory:
 
     def __repr__(self) -> str:
         speed, acceleration = (
-            float(np.linalg.norm(each[:, : self.poses.dimension], axis=1).max())
-            for each in (self.velocity, self.acceleration)
+            float(np.linalg.norm(derivative[:, : self.poses.dimension], axis=1).max())
+            for derivative in (self.velocity, self.acceleration)
         )
         motion = f"at most {speed:.3g} m/s and {acceleration:.3g} m/s²"
         return f"<Trajectory of {format_count(len(self.times), 'sample')}: {np.ptp(self.times):g} s, {motion}>"
@@ -208,7 +208,7 @@ def _through_points(document: dict[str, Any]) -> Trajectory:
     file = validate(TrajectoryFile, document, DataError)
     position = [point.position for point in file.points]
     turns = [point.rotation for point in file.points if point.rotation is not None]
-    if len({len(each) for each in position}) > 1 or len({len(each) for each in turns}) > 1:
+    if len({len(row) for row in position}) > 1 or len({len(row) for row in turns}) > 1:
         raise DataError("the points have different numbers of coordinates; give each two, or each three")
     if turns and (len(turns) < len(position) or len(turns[0]) != (1 if len(position[0]) == 2 else 3)):
         raise DataError('key "rotation": give each point three numbers, in the plane one, or none to any point')
@@ -274,8 +274,8 @@ def _newton_euler(platform: Platform, trajectory: Trajectory) -> Floats:
     d = trajectory.poses.dimension
     linear = kinematics.in_space(trajectory.acceleration[:, :d])
     angular, change = (
-        np.pad(each[:, d:], ((0, 0), (3 + d - each.shape[1], 0)))  # in the plane about z alone
-        for each in (trajectory.velocity, trajectory.acceleration)
+        np.pad(derivative[:, d:], ((0, 0), (3 + d - derivative.shape[1], 0)))  # in the plane about z alone
+        for derivative in (trajectory.velocity, trajectory.acceleration)
     )
     rotation = np.eye(3)
     if trajectory.rotation is not None:
