@@ -230,8 +230,8 @@ def _report_usage(error: Any) -> int:
             error.show()
         return BAD_INPUT
     text: str = error.format_message().rstrip(".")
-    for theirs, ours in PARSER_WORDS.items():
-        text = re.sub(theirs, ours, text)
+    for pattern, replacement in PARSER_WORDS.items():
+        text = re.sub(pattern, replacement, text)
     if type(error.__cause__).__name__ == "ValidationError":
         from tensionlab.support.validation import explain
 
@@ -267,7 +267,7 @@ def _without_stdout(error: OSError) -> int:
 def _where(error: BaseException) -> str:
     """Return the place in the code where an error was raised, for a report of it."""
     frames = traceback.extract_tb(error.__traceback__)
-    frame = next((each for each in reversed(frames) if "tensionlab" in each.filename), frames[-1])
+    frame = next((frame for frame in reversed(frames) if "tensionlab" in frame.filename), frames[-1])
     return f"{type(error).__name__} at {Path(frame.filename).name}:{frame.lineno}"
 
 

@@ -84,14 +84,14 @@ def submit(
 
     Every answer is compared with the proved optimum of its problem. `tensionlab datasets tracks` lists the tracks.
     """
-    found = submissions.read_submissions(folder)
+    scores = submissions.read_submissions(folder)
     with output.ResultWriter(quiet=json) as writer:
         if out is not None:
-            writer.write_text("leaderboard", out, submissions.to_markdown(found))
+            writer.write_text("leaderboard", out, submissions.to_markdown(scores))
         if json:
-            output.print_json(scores=found.to_dict("records"))
+            output.print_json(scores=scores.to_dict("records"))
             return
-        for table in (submissions.leaderboard(found), *submissions.times(found)):
+        for table in (submissions.leaderboard(scores), *submissions.times(scores)):
             output.print_table(table)
             output.print_line()
 
@@ -127,8 +127,9 @@ def problems(
 
     The Parquet file is one that qpbenchmark's ParquetTestSet reads.
     """
-    found = find_problem_set(name, count, seed)
-    rows = qp_rows(found)
-    about = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}
+    problem_set = find_problem_set(name, count, seed)
+    rows = qp_rows(problem_set)
+    about = {"set": problem_set.name, "title": problem_set.title, "reachable": problem_set.reachable,
+             "count": count}  # fmt: skip
     provenance.write_parquet(out, rows, output.manifest(seed) | about)
-    output.print_line(f"{found.name}, {len(rows)} problems: {out}")
+    output.print_line(f"{problem_set.name}, {len(rows)} problems: {out}")

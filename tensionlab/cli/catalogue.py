@@ -38,7 +38,7 @@ def solvers(json: Json = False) -> None:
 
     A policy says which tensions replace those of an infeasible wrench.
     """
-    broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}
+    broken = {name: str(plugin) for name, plugin in find_plugins().items() if not isinstance(plugin, type)}
     entries: list[dict[str, Any]] = []
     for name, installed in every_solver().items():
         if name not in broken:
@@ -53,8 +53,8 @@ def solvers(json: Json = False) -> None:
         "minimises": "among the tensions that render the wrench",
     }
     rows = [
-        [each["solver"], each["installed"], ", ".join(each["policy"]) or None, each["objective"]]
-        for each in entries
+        [entry["solver"], entry["installed"], ", ".join(entry["policy"]) or None, entry["objective"]]
+        for entry in entries
     ]
     notes = ['To install all of them: pip install "tensionlab[solvers,reference]"']
     notes += [f"Left out: {problem}" for problem in broken.values()]
@@ -73,7 +73,7 @@ def datasets(
     json: Json = False,
 ) -> None:
     """List the rigs and other data sets that are known by name."""
-    rows = [(*(parts := each.split("/")), _title(*parts)) for each in stored.names(kind)]
+    rows = [(*(parts := name.split("/")), _title(*parts)) for name in stored.names(kind)]
     if json:
         output.print_json(datasets=[dict(zip(("kind", "name", "title"), row, strict=True)) for row in rows])
     else:

@@ -28,8 +28,8 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
     outcomes = emergency_stop(urls) if urls else {}
     # A URL is called as the process that has it calls its module.
     names = {
-        name: (name == urls[name] and each.holder and each.holder.module) or name
-        for name, each in outcomes.items()
+        name: (name == urls[name] and outcome.holder and outcome.holder.module) or name
+        for name, outcome in outcomes.items()
     }
     if json:
         output.print_json(
@@ -37,19 +37,19 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
                 {
                     "module": names[name],
                     "url": urls[name],
-                    "confirmed": not each.error,
-                    "process": each.holder and each.holder.pid,
-                    "error": each.error or None,
+                    "confirmed": not outcome.error,
+                    "process": outcome.holder and outcome.holder.pid,
+                    "error": outcome.error or None,
                 }
-                for name, each in outcomes.items()
+                for name, outcome in outcomes.items()
             ]
         )
     elif not urls:
         typer.echo("None of your tensionlab processes holds a module; name the modules to stop.")
-    for name, each in outcomes.items():
-        if each.error:
-            output.print_error(f"{names[name]}: NOT CONFIRMED: {each.error}")
+    for name, outcome in outcomes.items():
+        if outcome.error:
+            output.print_error(f"{names[name]}: NOT CONFIRMED: {outcome.error}")
         elif not json:
-            typer.echo(f"{names[name]}: estop" + (f"; {each.holder} had it" if each.holder else ""))
-    if not urls or any(each.error for each in outcomes.values()):
+            typer.echo(f"{names[name]}: estop" + (f"; {outcome.holder} had it" if outcome.holder else ""))
+    if not urls or any(outcome.error for outcome in outcomes.values()):
         raise typer.Exit(1)

@@ -58,30 +58,30 @@ def search(
     for file in files.values():
         writing.require_writable(file)
     with output.progress("Layouts") as progress:
-        found = task.run(certify=certify, progress=progress)
-    best = found.best
+        result = task.run(certify=certify, progress=progress)
+    best = result.best
     with output.ResultWriter(quiet=json) as writer:
         written = [
-            str(files[each.rig.m])
-            for each in found.layouts
-            if files and writer.write_text(each.rig.name, files[each.rig.m], each.to_toml())
+            str(files[layout.rig.m])
+            for layout in result.layouts
+            if files and writer.write_text(layout.rig.name, files[layout.rig.m], layout.to_toml())
         ]
-        writer.draw(plot, "search", task.space, task.target, found)
+        writer.draw(plot, "search", task.space, task.target, result)
         if json:
-            layouts = [_layout_json(each, on_front=each in found.front) for each in found.layouts]
-            output.print_json(space=task.name, score=found.describe(), layouts=layouts, written=written,
+            layouts = [_layout_json(layout, on_front=layout in result.front) for layout in result.layouts]
+            output.print_json(space=task.name, score=result.describe(), layouts=layouts, written=written,
                               manifest=output.manifest(task.seed))  # fmt: skip
         else:
-            if len(found.layouts) > 1:
-                table = found.table()
+            if len(result.layouts) > 1:
+                table = result.table()
                 table.title = task.name
                 output.print_table(table)
                 output.print_line()
             table = best.table()
-            table.title = f"{best.rig.name} {found.objective.describe(best.rig, best.score)}"
-            table.notes = [f"{each.rig.name}: {note}" for each in found.layouts for note in each.notes]
+            table.title = f"{best.rig.name} {result.objective.describe(best.rig, best.score)}"
+            table.notes = [f"{layout.rig.name}: {note}" for layout in result.layouts for note in layout.notes]
             output.print_table(table)
-    if problem := _shortfall(best, found.objective):
+    if problem := _shortfall(best, result.objective):
         output.print_error(problem)
         raise typer.Exit(1)
 

@@ -25,12 +25,12 @@ def info(path: options.RunFile, json: Json = False) -> None:
     from tensionlab.scenarios.fidelity import run_fidelity
 
     run = _read(path)
-    found = run_fidelity(run)
+    fidelities = run_fidelity(run)
     if json:
-        fidelity = {name: each.summary() for name, each in found.items()}
+        fidelity = {name: effect.summary() for name, effect in fidelities.items()}
         output.print_json(**reader.summarise(run), fidelity=fidelity, setup=run.setup, manifest=run.manifest)
         return
-    for table in (*reader.report(run), *([fidelity_table(found)] if found else [])):
+    for table in (*reader.report(run), *([fidelity_table(fidelities)] if fidelities else [])):
         output.print_table(table)
         output.print_line()
 

@@ -50,27 +50,27 @@ def discover(
     USB, and Bluetooth where they are paired. Only ports that look like a module's are tried, unless --all is
     given; ports in use are only listed. Exit status 1 if no module was found.
     """
-    found = find_all(ports(everything=everything))
+    candidates = find_all(ports(everything=everything))
     if json:
         output.print_json(
             [
-                {"url": each.url, "port": each.about, "in_use": each.in_use, "problem": each.problem or None,
-                 "info": _info_json(each.info)}
-                for each in found
+                {"url": port.url, "port": port.about, "in_use": port.in_use, "problem": port.problem or None,
+                 "info": _info_json(port.info)}
+                for port in candidates
             ]
         )  # fmt: skip
-    elif not found:
+    elif not candidates:
         output.print_line("no port looks like a module's; --all tries every serial port")
     else:
         rows = []
-        for each in found:
-            known = ("", "", each.problem)
-            if each.info is not None:
-                state = each.info.state.name.lower() + ("" if each.info.calibrated else ", not calibrated")
-                known = (f"{each.info.serial_number:08x}", firmware(each.info), state)
-            rows.append((each.url, each.about, *known))
+        for port in candidates:
+            known = ("", "", port.problem)
+            if port.info is not None:
+                state = port.info.state.name.lower() + ("" if port.info.calibrated else ", not calibrated")
+                known = (f"{port.info.serial_number:08x}", firmware(port.info), state)
+            rows.append((port.url, port.about, *known))
         output.print_table(Table(["link", "port", "serial number", "firm- ware", "state"], rows))
-    if not any(each.info or each.in_use for each in found):
+    if not any(port.info or port.in_use for port in candidates):
         raise typer.Exit(1)
 
 
@@ -84,11 +84,11 @@ def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -
 
     def show(answers: dict[str, Info]) -> None:
         rows = [
-            (name, f"{each.serial_number:08x}", firmware(each), each.state.name.lower(), each.calibrated,
-             each.length_known, each.reset_reason.name.lower(), each.ttl_ms,
-             f"{each.tension_lower:g} to {each.tension_upper:g}", each.newton_per_ampere,
-             1e3 * each.spool_radius)
-            for name, each in answers.items()
+            (name, f"{answer.serial_number:08x}", firmware(answer), answer.state.name.lower(), answer.calibrated,
+             answer.length_known, answer.reset_reason.name.lower(), answer.ttl_ms,
+             f"{answer.tension_lower:g} to {answer.tension_upper:g}", answer.newton_per_ampere,
+             1e3 * answer.spool_radius)
+            for name, answer in answers.items()
         ]  # fmt: skip
         output.print_table(Table(INFO, rows))
 
@@ -196,7 +196,7 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
 
     def show(answers: dict[str, dict[str, ParameterValue]]) -> None:
         rows = [
-            [name, *(found[name].value for found in answers.values()), PARAMETERS[name].unit,
+            [name, *(answer[name].value for answer in answers.values()), PARAMETERS[name].unit,
              PARAMETERS[name].meaning if len(answers) == 1 else ""]
             for name in named
         ]  # fmt: skip
@@ -223,8 +223,8 @@ def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Sa
 
 
 def _split(words: list[str] | None, is_parameter: Callable[[str], bool]) -> tuple[list[str], list[str]]:
-    found = [word for word in words or () if is_parameter(word)]
-    return found, [word for word in words or () if word not in found]
+    parameters = [word for word in words or () if is_parameter(word)]
+    return parameters, [word for word in words or () if word not in parameters]
 
 
 @config.command()
@@ -262,13 +262,13 @@ def _change(links: Mapping[str, str], values: Mapping[str, float], source: str, 
 
     answers, failed = call_all(links, change_and_save)
     for name, changes in answers.items():
-        for each in changes:
-            typer.echo(f"{name}: {each.name} {plain(each.before)} -> {plain(each.after)}")
+        for change in changes:
+            typer.echo(f"{name}: {change.name} {plain(change.before)} -> {plain(change.after)}")
         if not changes:
             typer.echo(f"{name}: nothing to change")
         if save:
             typer.echo(f"{name}: stored")
-        if parameter_file.LENGTH_PARAMETERS & {each.name for each in changes}:
+        if parameter_file.LENGTH_PARAMETERS & {change.name for change in changes}:
             typer.echo(f"{name}: it no longer knows how long its cable is; calibrate that")
     exit_if_failed(failed)
 

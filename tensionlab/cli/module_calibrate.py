@@ -53,29 +53,29 @@ def gain(
     The module stands above, and the mass hangs still or stands on something, with 5 cm to rise. It is lifted and
     lowered slowly, some mm each time. Exit status 1 if the result is too uncertain to be written.
     """
-    for each in mass:
-        if not 0.0 < each < 100.0:
-            raise typer.BadParameter(f"--mass {each:g}: give kg, above 0 and below 100")
+    for kg in mass:
+        if not 0.0 < kg < 100.0:
+            raise typer.BadParameter(f"--mass {kg:g}: give kg, above 0 and below 100")
     with _open(url) as client:
-        before = client.hello().newton_per_ampere
-        found = estimate_gain([each for kg in mass for each in _weigh(client, kg, repeat)], before)
-        uncertainty = found.gain.half_width / found.gain.value
+        previous_gain = client.hello().newton_per_ampere
+        estimate = estimate_gain([balance for kg in mass for balance in _weigh(client, kg, repeat)], previous_gain)
+        uncertainty = estimate.gain.half_width / estimate.gain.value
         written = write and uncertainty <= LARGEST_UNCERTAINTY
         if written:
-            client.calibrate(Calibration.NEWTON_PER_AMPERE, found.gain.value)
+            client.calibrate(Calibration.NEWTON_PER_AMPERE, estimate.gain.value)
             client.command(Save())
     if json:
         output.print_json(
             url=url,
-            newton_per_ampere_before=found.previous_gain,
-            newton_per_ampere=found.gain,
-            **output.fields(found, "friction", "zero", "balances"),
-            error_before=found.before,
-            error_after=found.after,
+            newton_per_ampere_before=estimate.previous_gain,
+            newton_per_ampere=estimate.gain,
+            **output.fields(estimate, "friction", "zero", "balances"),
+            error_before=estimate.before,
+            error_after=estimate.after,
             written=written,
         )
     else:
-        table = _gain_table(url, found)
+        table = _gain_table(url, estimate)
         if written:
             table.notes.append(
                 "Written and saved. A module may forget its cable's length then: calibrate that next."
@@ -108,13 +108,13 @@ def _weigh(client: ModuleClient, mass: float, repeat: int) -> list[Balance]:
 
 def _gain_table(url: str, found: GainEstimate) -> Table:
     rows = [
-        (name, before, round(each.value, digits), f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
-        for name, before, each, digits in (
+        (name, old, round(estimate.value, digits), f"{estimate.lower:.{digits}f} to {estimate.upper:.{digits}f}")
+        for name, old, estimate, digits in (
             ("tension for each ampere, N/A", found.previous_gain, found.gain, 4),
             ("friction and cogging, N", None, found.friction, 3),
             ("current at zero tension, A", None, found.zero, 4),
         )
-        if each is not None
+        if estimate is not None
     ]
     rows.append(("error of tension (rms), N", round(found.before, 3), round(found.after, 3), ""))
     columns = ["", "before", "now", Column("interval", "95 %")]
@@ -134,9 +134,9 @@ def lengths(path: options.RigArgument, modules: ModulesOfRig, json: Json = False
         f"Hold the platform at {format_vector(rig.home)} m, not turned: its cables are tightened."
     )
     with _group(rig, modules) as group:
-        before = length_calibration.zero_lengths(group, rig, RealClock(group.clients))
+        previous_lengths = length_calibration.zero_lengths(group, rig, RealClock(group.clients))
     after = rig.lengths(rig.home, frames=rig.at_rest)
-    changes = list(zip((module.name for module in rig.modules), before, after, strict=True))
+    changes = list(zip((module.name for module in rig.modules), previous_lengths, after, strict=True))
     if json:
         changed = [{"name": name, "before": old, "length": new} for name, old, new in changes]
         output.print_json(rig=rig.name, modules=changed)
@@ -200,29 +200,30 @@ def anchors(
     values, poses = length_calibration.load_lengths(measured, rig)
     if known and poses is None:
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
-    found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
-    errors = calibration.length_errors(rig, values, found, known=known, offsets=offsets)
+    estimate = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
+    errors = calibration.length_errors(rig, values, estimate, known=known, offsets=offsets)
     how = f"{len(values)} {'known' if known else 'unknown'} poses"
     with output.ResultWriter(quiet=json) as writer:
         if out is not None:
             source = f"anchors calibrated from {how} ({measured.name})"
-            if not writer.write_text("rig", out, rig_to_toml(calibration.calibrated_rig(rig, found, source))):
+            if not writer.write_text("rig", out, rig_to_toml(calibration.calibrated_rig(rig, estimate, source))):
                 out = None
         if json:
-            columns = {"nominal": rig.anchors, "anchor": found.anchors, "deviation": found.deviations,
-                       "interval": found.intervals, "length_offset": found.offsets}  # fmt: skip
+            columns = {"nominal": rig.anchors, "anchor": estimate.anchors, "deviation": estimate.deviations,
+                       "interval": estimate.intervals, "length_offset": estimate.offsets}  # fmt: skip
             rows = [
                 {"name": module.name} | {name: column[j] for name, column in columns.items()}
                 for j, module in enumerate(rig.modules)
             ]
-            output.print_json(rig=rig.name, poses=len(values), known=known, freedom=found.freedom,
-                              length_deviation=found.sigma, misfit=errors, modules=rows, written=out)  # fmt: skip
+            output.print_json(rig=rig.name, poses=len(values), known=known, freedom=estimate.freedom,
+                              length_deviation=estimate.sigma, misfit=errors, modules=rows,
+                              written=out)  # fmt: skip
         else:
-            table = _anchors_table(rig, found, f"{rig.name}: anchors from {how} (± 95 %)")
-            before, after, held = ("–" if math.isnan(each) else f"{1e3 * each:.2f} mm" for each in errors.values())
+            table = _anchors_table(rig, estimate, f"{rig.name}: anchors from {how} (± 95 %)")
+            prior, after, held = ("–" if math.isnan(rms) else f"{1e3 * rms:.2f} mm" for rms in errors.values())
             kind = "rms" if known else "rms, beyond what the poses take up"
             table.notes = [
-                f"Error of the lengths: {before} before, {after} now, {held} at poses that were held out ({kind})."
+                f"Error of the lengths: {prior} before, {after} now, {held} at poses that were held out ({kind})."
             ]
             if not known:
                 table.notes.append(

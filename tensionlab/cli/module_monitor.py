@@ -102,38 +102,38 @@ def monitor(
         raise typer.Exit(1)
     with ExitStack() as stack:
         reached, failed = _connect(urls)
-        clients = [each for each in reached.values() if isinstance(each, ModuleClient)]
-        holders = {each for each in reached.values() if isinstance(each, Holder)}
-        runs = {each: RunWatcher(each.port or 0, each.token) for each in holders}
-        found: Monitored = {
-            name: WatchedModule(urls[name], each, runs[each]) if isinstance(each, Holder) else each
-            for name, each in reached.items()
+        clients = [client for client in reached.values() if isinstance(client, ModuleClient)]
+        holders = {process for process in reached.values() if isinstance(process, Holder)}
+        runs = {process: RunWatcher(process.port or 0, process.token) for process in holders}
+        watched: Monitored = {
+            name: WatchedModule(urls[name], source, runs[source]) if isinstance(source, Holder) else source
+            for name, source in reached.items()
         }
         for close in (*(client.close for client in clients), *(run.close for run in runs.values())):
             stack.callback(close)
         clock = RealClock(clients)
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
-        live = Live(output.styled(_telemetry_table(found, failed)), console=output.console(), auto_refresh=False)
+        live = Live(output.styled(_telemetry_table(watched, failed)), console=output.console(), auto_refresh=False)
         kept = "nothing was changed; the same command watches again"
         interrupted = stack.enter_context(output.until_interrupted(kept))
         with live if shown else nullcontext():
-            while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
+            while watched.keys() - failed.keys() and not interrupted() and clock.now() < end:
                 clock.wait_until(clock.now() + REFRESH_PERIOD_S)
                 for run in runs.values():
                     run.poll()
-                for name, module in found.items():
+                for name, module in watched.items():
                     try:
                         module.check()
                     except LinkError as error:
                         failed[name] = error
                     except ModuleFault:
                         pass  # the table has it
-                live.update(output.styled(_telemetry_table(found, failed)), refresh=shown)
+                live.update(output.styled(_telemetry_table(watched, failed)), refresh=shown)
         if json:
-            output.print_json([_telemetry_json(urls[name], module) for name, module in found.items()])
+            output.print_json([_telemetry_json(urls[name], module) for name, module in watched.items()])
         elif not shown:
-            output.print_table(_telemetry_table(found, failed))
+            output.print_table(_telemetry_table(watched, failed))
         exit_if_failed(failed)
 
 
@@ -155,7 +155,7 @@ def _connect(links: dict[str, str]) -> tuple[dict[str, ModuleClient | Holder], d
 
     with ThreadPoolExecutor(len(links)) as threads:
         reached = dict(zip(links, threads.map(connect, links), strict=True))
-    return {name: each for name, each in reached.items() if each is not None}, failed
+    return {name: source for name, source in reached.items() if source is not None}, failed
 
 
 def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Table:
@@ -164,13 +164,13 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
     faults = Fault(0)
     limits: set[Limit] = set()
     users: dict[str, list[str]] = {}
-    for name, each in found.items():
-        report = _report(each)
+    for name, module in found.items():
+        report = _report(module)
         message = report.telemetry
-        if isinstance(each, WatchedModule):
-            users.setdefault(str(each.process), []).append(each.name)
+        if isinstance(module, WatchedModule):
+            users.setdefault(str(module.process), []).append(module.name)
         if name in failed or message is None:
-            rows.append([each.name, "lost" if name in failed else "silent", *[None] * (len(TELEMETRY) - 2)])
+            rows.append([module.name, "lost" if name in failed else "silent", *[None] * (len(TELEMETRY) - 2)])
             continue
         limits.add(message.limit)
         faults |= message.faults
@@ -178,7 +178,7 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
         named = ", ".join(fault.name.lower() for fault in message.faults if fault.name)
         damaged = report.bad_frames + message.bad_frames
         rows.append(
-            [each.name, message.state.name.lower(), message.tension, message.current, message.length,
+            [module.name, message.state.name.lower(), message.tension, message.current, message.length,
              message.speed, limit, named or "–", message.winding, message.supply, 1e3 * report.age,
              damaged, message.lost_frames]
         )  # fmt: skip
@@ -233,18 +233,18 @@ def ping(
             return {"pings": len(times), "lost": lost, "seconds": seconds, "ttl": ttl, "safe_rate": rates}
 
         with output.progress("pinging") as progress:
-            found, failed = call_all(urls, job)
+            answers, failed = call_all(urls, job)
         if json:
-            output.print_json([{"module": name, "url": urls[name], **each} for name, each in found.items()])
-        elif found:
+            output.print_json([{"module": name, "url": urls[name], **answer} for name, answer in answers.items()])
+        elif answers:
             rows = [
-                (name, each["pings"], each["lost"], *(1e3 * trip for trip in each["seconds"].values()),
-                 1e3 * each["ttl"],
-                 "{:.0f} to {:.0f}".format(*each["safe_rate"]) if each["safe_rate"] else "none")
-                for name, each in found.items()
+                (name, answer["pings"], answer["lost"], *(1e3 * trip for trip in answer["seconds"].values()),
+                 1e3 * answer["ttl"],
+                 "{:.0f} to {:.0f}".format(*answer["safe_rate"]) if answer["safe_rate"] else "none")
+                for name, answer in answers.items()
             ]  # fmt: skip
             output.print_table(Table(TRIPS, rows))
-        unsafe = [name for name, each in found.items() if each["safe_rate"] is None]
+        unsafe = [name for name, answer in answers.items() if answer["safe_rate"] is None]
         for name in unsafe:
             output.print_error(
                 f"{name}: no rate is safe over this link; make it better, or raise the module's "

@@ -30,7 +30,7 @@ def show(
     """Show anchors, cable lengths at home, limits and bodies of a rig."""
     loaded = options.load(path, frames)
     distances = body_distances(loaded, loaded.home, frames=loaded.at_rest)
-    least = distances.min(axis=0)
+    smallest_distances = distances.min(axis=0)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "rig", loaded)
@@ -47,7 +47,7 @@ def show(
                 ],
                 bodies=[
                     vars(body) | {"shape": body.shape, "distance_at_home": distance}
-                    for body, distance in zip(loaded.bodies, least, strict=True)
+                    for body, distance in zip(loaded.bodies, smallest_distances, strict=True)
                 ],
             )
         else:
@@ -94,7 +94,9 @@ def check(
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "rig", loaded)
         if json:
-            checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
+            checks = [
+                {"check": finding.name, "passed": finding.passed, "finding": finding.text} for finding in findings
+            ]
             output.print_json(
                 rig=loaded.name, passed=passed, checks=checks, losses=[loss._asdict() for loss in losses]
             )

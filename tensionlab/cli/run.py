@@ -105,15 +105,15 @@ def run(
                 runner.run(seconds)
             except HardwareError as error:
                 failure = error
-    found = judge.fidelity()
+    fidelities = judge.fidelity()
     if json:
-        fidelity = {name: each.summary() for name, each in found.items()}
+        fidelity = {name: effect.summary() for name, effect in fidelities.items()}
         output.print_json(runner.statistics.summary() | {"fidelity": fidelity})
     else:
         print_summary(runner)
-        print_fidelity(found)
+        print_fidelity(fidelities)
     end_run(runner.statistics, runner.sinks, log, failure)
-    if require_fidelity and not all(each.passed for each in found.values()):
+    if require_fidelity and not all(effect.passed for effect in fidelities.values()):
         raise typer.Exit(1)
 
 
@@ -185,15 +185,15 @@ def _wrenches(cycle: Cycle, rig: Rig) -> dict[str, str]:
     """Return desired, commanded and measured wrench, if there is one, in texts that keep their width."""
     demand = cycle.demand
     state = cycle.state
-    found = {"measured": measured_wrench(state.structure, state.tensions, state.active)}
+    wrenches = {"measured": measured_wrench(state.structure, state.tensions, state.active)}
     if demand.wrench is not None:
         local = demand.wrench - cycle.solver_wrench  # by impedances and lost modules
         desired = demand.wrench if demand.desired is None else demand.desired
-        found = {"desired": desired, "commanded": cycle.allocation.wrench + local, **found}
+        wrenches = {"desired": desired, "commanded": cycle.allocation.wrench + local, **wrenches}
     unit = KINDS[rig.kind].wrench_unit
     return {
         name: "unknown: a module's report is old"
         if np.isnan(wrench).any()
         else f"({', '.join(f'{value + 0.0:5.2f}' for value in wrench.round(2))}) {unit}"
-        for name, wrench in found.items()
+        for name, wrench in wrenches.items()
     }

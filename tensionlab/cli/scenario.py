@@ -84,7 +84,7 @@ def scenario(
         if loaded.placement:
             output.print_line(loaded.placement)
         output.print_table(findings_table(f'Can {loaded.rig.name} play "{loaded.name}"?', needs))
-    if needs[0].passed is False or all(each.passed is False for each in needs):  # the reach is first
+    if needs[0].passed is False or all(need.passed is False for need in needs):  # the reach is first
         output.print_error(
             f'rig "{loaded.rig.name}" can do nothing of scenario "{loaded.name}"; give another --rig or --at'
         )
@@ -109,7 +109,7 @@ def scenario(
                 rig=loaded.rig.name,
                 placement=loaded.placement or None,
                 needs=needs,
-                fidelity={name: each.summary() for name, each in fidelity.items()},
+                fidelity={name: effect.summary() for name, effect in fidelity.items()},
                 delay=loop_delay(played),
                 run=played.statistics.summary(),
                 events=played.run.events,
@@ -118,19 +118,20 @@ def scenario(
             output.print_table(_summary(played))
             runs.print_fidelity(fidelity)
     runs.end_run(played.statistics, streams, log)
-    if any(each.passed is False for each in fidelity.values()):
+    if any(effect.passed is False for effect in fidelity.values()):
         raise typer.Exit(1)
 
 
 def _list(json: bool) -> None:
     loaded = [load_scenario(name) for name in SCENARIOS]
     if json:
-        output.print_json([output.fields(each, "name", "title", "about", "seconds") for each in loaded])
+        output.print_json([output.fields(scenario, "name", "title", "about", "seconds") for scenario in loaded])
         return
     rows = [
-        (each.name, each.about, each.rig.m, each.frame, ", ".join(each.person.bodies) or None, each.seconds)
-        for each in loaded
-    ]
+        (scenario.name, scenario.about, scenario.rig.m, scenario.frame,
+         ", ".join(scenario.person.bodies) or None, scenario.seconds)
+        for scenario in loaded
+    ]  # fmt: skip
     title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
     columns = ["name", "description", "modules", "frame needed", "frames that move", Column("duration", "s")]
     notes = [

@@ -87,7 +87,7 @@ def serve(
     options.check_solvers(loaded, [solver], settings.policy)
     client = ClientState(loaded)
     follow = tracked_pose(client)
-    limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
+    limits, brakes = ({int(member): member.name for member in kind} for kind in (Limit, BrakeState))
     events = RunEvents(loaded, limits, brakes, lambda: client.count)
 
     def report(kind: str, line: str) -> None:

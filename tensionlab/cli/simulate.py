@@ -108,6 +108,6 @@ def _faults(texts: list[str], names: list[str]) -> dict[str, list[serving.Planne
         name, colon, rest = text.rpartition(":")
         if colon and name not in faults:
             raise typer.BadParameter(f"--fault {text}: no module {name!r}; there are {', '.join(names)}")
-        for each in [name] if colon else names:
-            faults[each].append(serving.parse_fault(rest))
+        for module in [name] if colon else names:
+            faults[module].append(serving.parse_fault(rest))
     return faults

@@ -49,7 +49,9 @@ def trajectory(
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "comparison", compared)
         if json:
-            checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
+            checks = [
+                {"check": finding.name, "passed": finding.passed, "finding": finding.text} for finding in findings
+            ]
             rows = [dict(zip(WINCH_COLUMNS, row, strict=True)) for row in winches]
             output.print_json(rig=loaded.name, passed=passed, checks=checks, winches=rows, solvers=compared.rows)
         else:

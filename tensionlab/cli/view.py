@@ -49,17 +49,17 @@ def view(
 def _watcher(rig: str | None) -> tuple[RunWatcher, str]:
     """Return the watcher of the run in progress, or of the one with that rig, and the name of its rig."""
     name = load_rig(rig).name if rig is not None and is_path(rig, ".toml") else rig
-    runs = {each: each.info for each in find_runs() if each.info is not None}
-    found = [each for each, info in runs.items() if name in (None, info.rig.name)]
-    for each in runs:
-        if each not in found or len(found) > 1:
-            each.close()
-    if not found:
+    runs = {watcher: watcher.info for watcher in find_runs() if watcher.info is not None}
+    selected = [watcher for watcher, info in runs.items() if name in (None, info.rig.name)]
+    for watcher in runs:
+        if watcher not in selected or len(selected) > 1:
+            watcher.close()
+    if not selected:
         rigs = ", ".join(sorted({info.rig.name for info in runs.values()}))
         what = f' of "{name}"; there are runs of {rigs}' if rigs else "; `run` and `serve` begin one"
         output.print_error(f"none of your processes has a run in progress{what}")
         raise typer.Exit(1)
-    if len(found) > 1:
-        programs = "; ".join(f"{runs[each].rig.name}: {runs[each].program}" for each in found)
-        raise typer.BadParameter(f"{len(found)} runs are in progress; name the rig of one of them ({programs})")
-    return found[0], runs[found[0]].rig.name
+    if len(selected) > 1:
+        programs = "; ".join(f"{runs[watcher].rig.name}: {runs[watcher].program}" for watcher in selected)
+        raise typer.BadParameter(f"{len(selected)} runs are in progress; name the rig of one of them ({programs})")
+    return selected[0], runs[selected[0]].rig.name

@@ -108,18 +108,18 @@ def workspace(
             if out is None:
                 raise
             raise writing.unwritable(out, error) from None
-        found, drawn = summary(data), data
+        statistics, drawn = summary(data), data
         if rotations:
             axis = where.dims[-1]
             drawn = data.min(axis, skipna=False, keep_attrs=True)
-            found["total_above_zero"] = summary(drawn)["above_zero"]
-            found["inclusive_above_zero"] = summary(data.max(axis, keep_attrs=True))["above_zero"]
+            statistics["total_above_zero"] = summary(drawn)["above_zero"]
+            statistics["inclusive_above_zero"] = summary(data.max(axis, keep_attrs=True))["above_zero"]
         writer.draw(plot, view, drawn, metric=names[0] if metrics else DRAWN_METRIC)
         if json:
-            rows, manifest = found.to_dict("records"), json_text.loads(data.manifest)
-            output.print_json(poses=int(found["poses"].iloc[0]), out=out, rows=rows, manifest=manifest)
+            rows, manifest = statistics.to_dict("records"), json_text.loads(data.manifest)
+            output.print_json(poses=int(statistics["poses"].iloc[0]), out=out, rows=rows, manifest=manifest)
         else:
-            output.print_table(_metrics_table(found, where, loaded))
+            output.print_table(_metrics_table(statistics, where, loaded))
             if out:
                 output.print_line(f"values: {out}")
 
@@ -251,7 +251,7 @@ def _proof_table(proved: CertifiedWorkspace, duration_s: float) -> Table:
     cells, table = proved.subdivision, proved.table()
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
     region = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
-    shares = Bounds(*(100 * each for each in proved.share)).describe()
+    shares = Bounds(*(100 * share for share in proved.share)).describe()
     finest = f"{format_count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
     table.title = f"{proved.rig.name}, {proved.required}: {region}"
     table.notes = [f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box",

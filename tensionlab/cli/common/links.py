@@ -39,21 +39,21 @@ def find_links(words: list[str] | None, file: Path | None, *, look_up: bool = Tr
         for word in words or ():
             if word not in links:
                 raise typer.BadParameter(f"{file} has no module {word!r}; it has {', '.join(links)}")
-        found = {name: links[name] for name in words or links}
+        urls = {name: links[name] for name in words or links}
     elif words:
         if files := [word for word in words if word.endswith(".toml")]:
             raise typer.BadParameter(f"{files[0]} is a modules file, not a link; give it as --modules {files[0]}")
-        found = {url: url for url in words}
+        urls = {url: url for url in words}
     else:
         raise typer.BadParameter(f"no modules; give --modules FILE, or links:\n{URL_KINDS}")
-    if words and len(found) < len(words):
+    if words and len(urls) < len(words):
         raise typer.BadParameter("a module is there twice; give each once")
-    for url in found.values():
+    for url in urls.values():
         require_known(url)
-    reached = [normalised(url) for url in found.values() if look_up and url != "sim:"]
+    reached = [normalised(url) for url in urls.values() if look_up and url != "sim:"]
     if len(set(reached)) < len(reached):
         raise typer.BadParameter("two of these links reach the same module; give each once")
-    return found
+    return urls
 
 
 def links_of_rig(rig: Rig, modules: str) -> dict[str, str]:
@@ -63,8 +63,8 @@ def links_of_rig(rig: Rig, modules: str) -> dict[str, str]:
     urls = [url.strip() for url in modules.split(",") if url.strip()]
     if len(urls) != rig.m:
         names = f"{rig.m} modules ({', '.join(module.name for module in rig.modules)})"
-        found = f"--modules has {format_count(len(urls), 'link')}, {rig.name} has {names}"
-        raise typer.BadParameter(f"{found}; give a link for each, or a file that ends in .toml")
+        mismatch = f"--modules has {format_count(len(urls), 'link')}, {rig.name} has {names}"
+        raise typer.BadParameter(f"{mismatch}; give a link for each, or a file that ends in .toml")
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 
 
@@ -82,9 +82,9 @@ def call_all(
 
     unknown = "which modules did it is not known; `tensionlab module info` shows how they are"
     with if_interrupted(unknown), ThreadPoolExecutor(len(links)) as threads:
-        found = dict(zip(links, threads.map(call, links), strict=True))
-    failed = {name: each for name, each in found.items() if isinstance(each, HardwareError)}
-    return {name: each for name, each in found.items() if not isinstance(each, HardwareError)}, failed
+        outcomes = dict(zip(links, threads.map(call, links), strict=True))
+    failed = {name: outcome for name, outcome in outcomes.items() if isinstance(outcome, HardwareError)}
+    return {name: outcome for name, outcome in outcomes.items() if not isinstance(outcome, HardwareError)}, failed
 
 
 def print_all(

@@ -49,8 +49,8 @@ def parse_components(name: str, text: str, components: list[str], owner: str) ->
     """Return the numbers in an option, one for each component of its owner."""
     values = parse_numbers(name, text)
     if len(values) != len(components):
-        found = format_count(len(values), "component")
-        raise typer.BadParameter(f"{name} has {found}; {owner} needs {len(components)}: {', '.join(components)}")
+        given = format_count(len(values), "component")
+        raise typer.BadParameter(f"{name} has {given}; {owner} needs {len(components)}: {', '.join(components)}")
     return values
 
 
@@ -95,15 +95,15 @@ def load(
 ) -> Rig:
     """Load a rig, and place its body frames and have it require what the options say."""
     rig = load_rig(name)
-    rest = {each.name: each for each in rig.rest}
+    rest = {pose.name: pose for pose in rig.rest}
     for text in frames or []:
         body, _, numbers = text.partition(",")
         values, d = parse_numbers(f"--frame {body}", numbers), rig.dimension
         turn = 3 if d == 3 else 1
         if len(values) not in (d, d + turn):
-            found = f"--frame {body} has {format_count(len(values), 'number')}"
+            given = f"--frame {body} has {format_count(len(values), 'number')}"
             wanted = f"{d} for the position in m, and {turn} more for a rotation in rad, if it is turned"
-            raise typer.BadParameter(f"{found}; {rig.name} needs {wanted}")
+            raise typer.BadParameter(f"{given}; {rig.name} needs {wanted}")
         rest[body] = RestPose(body, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
     return with_requirement(replace(rig, rest=tuple(rest.values())), wrench, gravity, required, acceleration)
 
@@ -116,14 +116,14 @@ def with_requirement(
     acceleration: str | None = None,
 ) -> Rig:
     """Return the rig with what the options require of it; refuse what does not suit it."""
-    found = rig.required if required is None else load_requirement(required)
+    requirement = rig.required if required is None else load_requirement(required)
     if wrench is not None:
         numbers = parse_components("--wrench", wrench, wrench_components(rig), rig.name)
-        found = replace(found, wrench=np.array(numbers))
+        requirement = replace(requirement, wrench=np.array(numbers))
     if acceleration is not None:
         given = parse_numbers("--acceleration", acceleration)
-        found = replace(found, acceleration=np.array(given if len(given) > 1 else given[0]))
-    return replace(rig, required=found if gravity is None else replace(found, gravity=gravity))
+        requirement = replace(requirement, acceleration=np.array(given if len(given) > 1 else given[0]))
+    return replace(rig, required=requirement if gravity is None else replace(requirement, gravity=gravity))
 
 
 def wrench_components(rig: Rig) -> list[str]:
@@ -145,8 +145,8 @@ def parse_region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Fl
         numbers = parse_numbers("--box", box)
         if len(numbers) != 2 * dimension:
             names = " ".join(f"{axis}0 {axis}1" for axis in "xyz"[:dimension])
-            found = f"--box has {format_count(len(numbers), 'number')}"
-            raise typer.BadParameter(f"{found}; {rigs[0].name} needs {2 * dimension}: {names}")
+            mismatch = f"--box has {format_count(len(numbers), 'number')}"
+            raise typer.BadParameter(f"{mismatch}; {rigs[0].name} needs {2 * dimension}: {names}")
         ends = np.array(numbers).reshape(dimension, 2)
     if step is None:
         return ends, np.array(float(np.ptp(ends, axis=1).max()) / STEPS or 1.0)

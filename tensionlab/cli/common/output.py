@@ -64,11 +64,11 @@ def until_interrupted(kept: str) -> Iterator[Callable[[], bool]]:
     At the end, a Ctrl-C is raised, with what was saved.
     """
     came: list[int] = []
-    before = [signal.signal(number, lambda number, _: came.append(number)) for number in INTERRUPT_SIGNALS]
+    previous = [signal.signal(number, lambda number, _: came.append(number)) for number in INTERRUPT_SIGNALS]
     try:
         yield lambda: bool(came)
     finally:
-        for number, handler in zip(INTERRUPT_SIGNALS, before, strict=True):
+        for number, handler in zip(INTERRUPT_SIGNALS, previous, strict=True):
             signal.signal(number, handler)
     if signal.SIGINT in came:
         raise KeyboardInterrupt(kept)
@@ -196,7 +196,7 @@ def print_json(value: Any = None, **keys: Any) -> None:
 def plain(value: Any) -> Any:
     """Return the same as JSON has it: fields by name, members of enumerations by name, finite floats."""
     if isinstance(value, Flag):
-        return [each.name for each in value]
+        return [member.name for member in value]
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Path):

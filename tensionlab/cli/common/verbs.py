@@ -77,15 +77,15 @@ class HelpContext(typer.Context):
 def refuse_repeats(verb: Any, context: Any, words: list[str]) -> None:
     """Refuse an option with one value that is there twice, of which the parser would keep the last."""
     try:
-        _, _, found = verb.make_parser(context).parse_args(list(words))
+        _, _, parameters = verb.make_parser(context).parse_args(list(words))
     except ClickException as error:
         error.ctx = error.ctx or context
         raise
-    for each, times in Counter[Any](found).items():
-        if times == 1 or each.multiple or context.resilient_parsing:
+    for parameter, times in Counter[Any](parameters).items():
+        if times == 1 or parameter.multiple or context.resilient_parsing:
             continue
-        if not each.is_flag or each.secondary_opts:  # twice on is on
-            raise typer.BadParameter("it is there twice; give it once", context, each)
+        if not parameter.is_flag or parameter.secondary_opts:  # twice on is on
+            raise typer.BadParameter("it is there twice; give it once", context, parameter)
 
 
 class VerbGroup(TyperGroup):
