@@ -36,10 +36,10 @@ class BodyScene:
     @property
     def points(self) -> Floats:
         """Points (k, 3) in m that a picture should hold."""
-        found = [np.empty((0, 3))]
+        points = [np.empty((0, 3))]
         for body, pose in zip(self.bodies, self.poses, strict=True):
-            found.append(body_mesh(body).vertices @ pose[:3, :3].T + pose[:3, 3])
-        return np.concatenate(found)
+            points.append(body_mesh(body).vertices @ pose[:3, :3].T + pose[:3, 3])
+        return np.concatenate(points)
 
 
 def draw_bodies(

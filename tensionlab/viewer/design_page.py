@@ -82,10 +82,10 @@ class DesignPage:
     def _show(self, problem: str) -> None:
         """Bring all browsers up to date."""
         state = self.state
-        found = evaluate(state)
+        evaluation = evaluate(state)
         with self.server.viser.atomic():
-            self._drawing.show(draw(state, found), state)
-            self._panel.show(state, found, problem)
+            self._drawing.show(draw(state, evaluation), state)
+            self._panel.show(state, evaluation, problem)
             if not state.show_workspace and self._shown_volume:
                 self._shown_volume = ()
                 self._drawing.show_workspace(None, None)
@@ -100,12 +100,12 @@ class DesignPage:
             getattr(state, name) is getattr(self._compared, name) for name in COMPARED_BY
         ):
             return
-        found = compare(state, wanted)
-        if found is None:
+        comparison = compare(state, wanted)
+        if comparison is None:
             return
         self._compared = state if state.compared else None
         with self.server.viser.atomic():
-            self._panel.solvers.show(state, *found)
+            self._panel.solvers.show(state, *comparison)
         self.server.viser.flush()
 
     def _show_volume(self, found: Volume, ghost: Volume | None) -> None:

@@ -334,8 +334,8 @@ def save_below(folder: Path, rig: Rig, path: str) -> Path:
 
 def own_spaces(folder: Path) -> list[str]:
     """Return the names of the files in a folder that are spaces for modules."""
-    found = []
+    names = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         with suppress(TensionlabError):
-            found += [path.name] * ("counts" in read_toml(path, "a space", RigError))
-    return found
+            names += [path.name] * ("counts" in read_toml(path, "a space", RigError))
+    return names

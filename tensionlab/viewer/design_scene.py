@@ -279,5 +279,5 @@ def rotation_of(turn: Floats, dimension: int) -> Floats:
     """Return the rotation of a quaternion (w, x, y, z): a matrix in space, an angle about z in the plane."""
     from scipy.spatial.transform import Rotation
 
-    found = Rotation.from_quat(turn, scalar_first=True)
-    return np.asarray(found.as_rotvec()[2] if dimension == 2 else found.as_matrix())
+    rotation = Rotation.from_quat(turn, scalar_first=True)
+    return np.asarray(rotation.as_rotvec()[2] if dimension == 2 else rotation.as_matrix())

@@ -84,7 +84,7 @@ class EditQueue:
         self.put(self.history.redo)
 
     def _work(self, waiting: list[Callable[[], object]]) -> None:
-        before, problem = self.history.present, ""
+        previous_state, problem = self.history.present, ""
         for act in waiting:
             try:
                 act()
@@ -93,7 +93,7 @@ class EditQueue:
         try:
             self._show(problem)
         except Exception as error:  # a state that cannot be shown is not kept
-            self.history.present = before
+            self.history.present = previous_state
             self._show(_describe(error))
 
 

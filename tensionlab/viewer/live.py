@@ -60,7 +60,7 @@ def stop_modules(watcher: RunWatcher) -> StopOutcome:
         outcomes = emergency_stop(links) if links else {}
     except HardwareError as error:
         return StopOutcome(False, (str(error),))
-    wrong = [f"{name}: {each.error}" for name, each in outcomes.items() if each.error]
+    wrong = [f"{name}: {outcome.error}" for name, outcome in outcomes.items() if outcome.error]
     if len(links) < len(info.links) and (problem := _stop_process(watcher, info.pid)):
         wrong.append(problem)
     confirmed = sum(not outcome.error for outcome in outcomes.values()) if wrong else len(info.links)

@@ -130,8 +130,8 @@ class ReplayPage(RunPage):
 
     def turn(self) -> None:
         """Let the time pass, make the changes of people, and bring all browsers up to date."""
-        before, self._now = self._now, time.perf_counter()
-        playback = self.playback.advance(self._now - before)
+        previous_time, self._now = self._now, time.perf_counter()
+        playback = self.playback.advance(self._now - previous_time)
         while self._changes:
             playback = self._changes.popleft()(playback)
         self.playback = playback
@@ -257,19 +257,19 @@ class RunMark(NamedTuple):
 
 def marks(run: Run) -> tuple[RunMark, ...]:
     """Return the events of a run in order of time; a lasting one at its begin, with its duration."""
-    found = []
+    run_marks = []
     for event in run.events:
         subject = f"{event.module}: " if event.module else ""
         if event.kind in ("phase", "brake"):
-            found.append(RunMark(event.time, event.kind, f"{subject}{event.text}"))
+            run_marks.append(RunMark(event.time, event.kind, f"{subject}{event.text}"))
         else:
-            found.append(RunMark(event.time, "run", f"{event.kind}: {subject}{event.text}"))
+            run_marks.append(RunMark(event.time, "run", f"{event.kind}: {subject}{event.text}"))
     for kind, text, flags in _flags(run):
         for first, last in spells(run.time, flags):
             begin, over = float(run.time[first]), last == len(run) - 1
             duration = "to the end" if over else f"for {format_number(float(run.time[last + 1]) - begin)} s"
-            found.append(RunMark(begin, kind, f"{text}, {duration}"))
-    return tuple(sorted(found, key=lambda mark: mark.time))
+            run_marks.append(RunMark(begin, kind, f"{text}, {duration}"))
+    return tuple(sorted(run_marks, key=lambda mark: mark.time))
 
 
 def _flags(run: Run) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:

@@ -241,7 +241,7 @@ class RunDrawing:
         drawn = draw_scenery(self._scenery, self._rig, instant)
         self._bodies.show(instant.bodies if self._rig.bodies else drawn.person)
         active = self._scenery.active_phases(instant.time) if fresh else ()
-        surfaces = [(phase in active, each) for phase in self._scenery.phases for each in phase.surfaces]
+        surfaces = [(phase in active, surface) for phase in self._scenery.phases for surface in phase.surfaces]
         for node, solid, (lit, surface) in zip(self._solids, drawn.solids, surfaces, strict=True):
             node.position, node.wxyz = solid.centre, solid.turn
             colour = GREY if not lit else GREEN if surface.brakes else SURFACE_COLOUR

@@ -91,7 +91,7 @@ def answer(state: DesignState, solver: str, study: StudyProblems) -> SolverAnswe
         wrenches = np.tile(state.exerted, (len(study.forces), 1))
         wrenches[:, :d] += study.forces - state.wrench[:d]
         structure = rig.structure_matrix(study.positions, state.rotation, rig.at_rest)
-        found = allocator(structure, wrenches)
+        allocation = allocator(structure, wrenches)
     except TensionlabError as error:
         return SolverAnswers(solver, problem=str(error))
     seconds: list[float] = []
@@ -99,31 +99,31 @@ def answer(state: DesignState, solver: str, study: StudyProblems) -> SolverAnswe
         start = time.perf_counter()
         allocator(here, state.exerted)
         seconds.append(time.perf_counter() - start)
-    return SolverAnswers(solver, now, found, float(np.median(seconds)))
+    return SolverAnswers(solver, now, allocation, float(np.median(seconds)))
 
 
 def compare(state: DesignState, wanted: Callable[[], bool]) -> tuple[StudyProblems, list[SolverAnswers]] | None:
     """Return the problems of a state, and the answers of its solver and the compared ones; None if not wanted."""
     study = problems(state)
-    found = []
+    answers = []
     for solver in dict.fromkeys([state.solver, *state.compared]):
         if not wanted():
             return None
-        found.append(answer(state, solver, study))
-    return study, found
+        answers.append(answer(state, solver, study))
+    return study, answers
 
 
 def solver_table(answers: Sequence[SolverAnswers]) -> Table:
     """Return the table of the answers at the desired wrench, and of how many of the study are exact."""
     rows: list[list[Any]] = []
-    for each, colour in zip(answers, cycle(SERIES_COLOURS), strict=False):
-        name = Mark("■", colour, each.solver)
-        if each.now is None or each.study is None:
-            rows.append([name, each.problem, None, None, None, None])
+    for answer, colour in zip(answers, cycle(SERIES_COLOURS), strict=False):
+        name = Mark("■", colour, answer.solver)
+        if answer.now is None or answer.study is None:
+            rows.append([name, answer.problem, None, None, None, None])
             continue
-        exact = f"{each.study.counts()[Status.EXACT]}/{each.study.status.size}"
-        residual, highest = float(each.now.residual), float(each.now.tensions.max())
-        rows.append([name, Status(int(each.now.status)).name, residual, highest, each.seconds, exact])
+        exact = f"{answer.study.counts()[Status.EXACT]}/{answer.study.status.size}"
+        residual, highest = float(answer.now.residual), float(answer.now.tensions.max())
+        rows.append([name, Status(int(answer.now.status)).name, residual, highest, answer.seconds, exact])
     return Table(COLUMNS, rows, notes=['At the desired force; "exact" counts the problems below.'])
 
 
@@ -153,8 +153,8 @@ class SolverPanel:
         known = {answer.solver: answer.study for answer in answers if answer.study is not None}
         index = state.names.index(state.selected) if state.selected in state.names else 0
         lines = {
-            "error N": [found.residual for found in known.values()],
-            f"tension of {state.names[index]} N": [found.tensions[:, index] for found in known.values()],
+            "error N": [allocation.residual for allocation in known.values()],
+            f"tension of {state.names[index]} N": [allocation.tensions[:, index] for allocation in known.values()],
         }
         while self._charts and (tuple(known) != self._names or not known):
             self._charts.pop().remove()

@@ -149,13 +149,13 @@ def nearest_on_surfaces(space: Space, place: Floats) -> Floats:
 
 def outlines(space: Space) -> Floats:
     """Return the edges of all surfaces as line segments (k, 2, d), in m."""
-    found: list[Floats] = []
+    segments: list[Floats] = []
     for surface in (surface for surface in space.surfaces if surface.frame == WORLD):
         edges = surface.edges
         corners = surface.corner + np.array(list(product((0.0, 1.0), repeat=len(edges)))) @ edges
         pairs = product(range(len(corners)), (1 << bit for bit in range(len(edges))))
-        found += [corners[[i, i | step]] for i, step in pairs if not i & step]
-    return np.stack(found) if found else np.empty((0, 2, space.dimension))
+        segments += [corners[[i, i | step]] for i, step in pairs if not i & step]
+    return np.stack(segments) if segments else np.empty((0, 2, space.dimension))
 
 
 def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:

@@ -51,12 +51,12 @@ Volumes = tuple[Volume, Volume | None]  # workspace of a rig, and that of the ot
 
 def usable_metrics(rig: Rig) -> list[str]:
     """Return the names of the metrics with a level that a rig has all the numbers for."""
-    found = []
-    for name, each in METRICS.items():
+    names = []
+    for name, candidate in METRICS.items():
         with suppress(TensionlabError):
-            Plan(vary(rig), PoseList(rig.home[None]), (each,), rig.at_rest, CHUNK).check(rig)
-            found += [name] if each.direction != "none" else []
-    return found
+            Plan(vary(rig), PoseList(rig.home[None]), (candidate,), rig.at_rest, CHUNK).check(rig)
+            names += [name] if candidate.direction != "none" else []
+    return names
 
 
 def sweep(
@@ -74,8 +74,8 @@ def sweep(
     plan.check(rig)
     values = np.empty(plan.shape)
     tasks = (plan.task(number) for number in range(math.prod(plan.tiles)))
-    for task, found in evaluate_on_threads(tasks):
-        values[task.block] = found[0]
+    for task, results in evaluate_on_threads(tasks):
+        values[task.block] = results[0]
         if not wanted():
             return None  # which closes the iterator, and with it the waiting tasks
     return Volume(axes, values.reshape((resolution,) * rig.dimension))
@@ -84,8 +84,8 @@ def sweep(
 def surface(volume: Volume, level: float) -> Mesh | None:
     """Return the surface around all that is above a level; in the plane the region, as squares; None if empty."""
     if volume.values.ndim == 3:
-        found = level_surface(volume.values, volume.axes, level)
-        return None if found is None else Mesh(*found)
+        triangles = level_surface(volume.values, volume.axes, level)
+        return None if triangles is None else Mesh(*triangles)
     above = np.argwhere(volume.values > level)
     if not len(above):
         return None
