@@ -179,7 +179,7 @@ def _plot_trajectory(comparison: Comparison) -> Figure:
         length, label = comparison.times, "time (s)"
     elif not length[-1]:
         length, label = np.arange(len(length), dtype=np.float64), "sample"
-    infeasible = np.any([found.status == Status.NEAREST for found in comparison.allocations], axis=0)
+    infeasible = np.any([allocation.status == Status.NEAREST for allocation in comparison.allocations], axis=0)
     columns = 1 if len(drawn) == 1 else 2
     count = -(-len(drawn) // columns)
     with new_figure((12.0, 1.0 + 1.9 * count + 4.2)) as figure:
@@ -202,9 +202,9 @@ def _plot_trajectory(comparison: Comparison) -> Figure:
         ])  # fmt: skip
         error, step = below.subplots(2, 1, sharex=True)
         for index, number in enumerate(drawn.values()):
-            found = comparison.allocations[number]
-            error.plot(length, np.fmax(found.residual, MIN_ERROR_N), **_line(index))
-            step.plot(length[1:], np.abs(np.diff(found.tensions, axis=0)).max(axis=1), **_line(index))
+            allocation = comparison.allocations[number]
+            error.plot(length, np.fmax(allocation.residual, MIN_ERROR_N), **_line(index))
+            step.plot(length[1:], np.abs(np.diff(allocation.tensions, axis=0)).max(axis=1), **_line(index))
         error.axhspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
         error.text(length[0], TOLERANCE, " exact", va="top", color=GREY, fontsize=8)
         error.set(yscale="log", ylabel="error (N)", ylim=(MIN_ERROR_N / 3, None))

@@ -66,32 +66,32 @@ def plot_search(space: Space, target: Targets, found: LayoutSearch) -> Figure:
     panels, best = 2 + (len(found.layouts) > 1), found.best
     projection: Any = {"projection": "3d"} if space.dimension == 3 else {}
     with new_figure((5.6 * panels, 5.0)) as figure:
-        before: Any = figure.add_subplot(1, panels, 1, **projection)
+        space_axes: Any = figure.add_subplot(1, panels, 1, **projection)
         outlines = [
             corner + np.array(list(product((0.0, 1.0), repeat=len(surface.edges)))) @ edges[: len(surface.edges)]
             for surface, corner, edges in zip(
                 (*space.surfaces, *space.attachments), space.placed.corners, space.placed.edges, strict=True
             )
         ]
-        outlines = [each @ image.T for each in outlines for image in space.images]
+        outlines = [outline @ image.T for outline in outlines for image in space.images]
         first = len(space.surfaces) * len(space.images)
-        outlines[first:] = [each + best.rig.home for each in outlines[first:]]
+        outlines[first:] = [outline + best.rig.home for outline in outlines[first:]]
         everything = np.concatenate([*outlines, space.placed.fixed[:, 0], best.rig.home[None]])
-        frame_panel(before, everything.min(axis=0), everything.max(axis=0), best.rig.vertical)
+        frame_panel(space_axes, everything.min(axis=0), everything.max(axis=0), best.rig.vertical)
         for outline in outlines:
-            _draw_edges(before, outline, BLUE)
+            _draw_edges(space_axes, outline, BLUE)
             if len(outline) == 4 and space.dimension == 3:
                 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-                before.add_collection3d(Poly3DCollection([outline[[0, 1, 3, 2]]], facecolors=BLUE, alpha=0.1))
-        before.plot(*space.placed.fixed[:, 0].T, linestyle="", marker="s", markersize=6, color=BLUE)
-        before.set_title("where modules may stand" + " and cables end" * bool(space.attachments))
-        after: Any = figure.add_subplot(1, panels, 2, **projection)
-        plot_rig(best.rig, ax=after)
-        after.get_legend().remove()
-        for axes, each in product((before, after), as_targets(target, space.dimension, turns=True)):
-            positions = each.arrays()[0]
-            if isinstance(each, PoseList):
+                space_axes.add_collection3d(Poly3DCollection([outline[[0, 1, 3, 2]]], facecolors=BLUE, alpha=0.1))
+        space_axes.plot(*space.placed.fixed[:, 0].T, linestyle="", marker="s", markersize=6, color=BLUE)
+        space_axes.set_title("where modules may stand" + " and cables end" * bool(space.attachments))
+        layout_axes: Any = figure.add_subplot(1, panels, 2, **projection)
+        plot_rig(best.rig, ax=layout_axes)
+        layout_axes.get_legend().remove()
+        for axes, poses in product((space_axes, layout_axes), as_targets(target, space.dimension, turns=True)):
+            positions = poses.arrays()[0]
+            if isinstance(poses, PoseList):
                 axes.plot(*positions.T, color=ORANGE, linewidth=1.4)
                 continue
             box = list(product(*zip(positions.min(axis=0), positions.max(axis=0), strict=True)))

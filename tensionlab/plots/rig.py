@@ -90,7 +90,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
 def body_outlines(rig: Rig) -> list[Floats]:
     """Return points (k, d) of the surface of each body, with the platform at home and frames at rest."""
     placed = place_bodies(rig.bodies, rig.home, rig.home_matrix, rig.at_rest)
-    return [surface_points(*each) for each in zip(rig.bodies, placed, strict=True)]
+    return [surface_points(body, placed_body) for body, placed_body in zip(rig.bodies, placed, strict=True)]
 
 
 def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:

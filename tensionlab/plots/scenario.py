@@ -89,12 +89,12 @@ def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: 
         panels = parts[1].subplots(-(-len(curves) // columns), columns, squeeze=False).ravel()
         for panel in panels[len(curves) :]:
             panel.axis("off")
-        for panel, each in zip(panels, curves, strict=False):
-            panel.plot(*each.desired, color=BLUE, **WIDE)
-            panel.plot(*each.rendered, color=BLUE, **THIN)
+        for panel, curve in zip(panels, curves, strict=False):
+            panel.plot(*curve.desired, color=BLUE, **WIDE)
+            panel.plot(*curve.rendered, color=BLUE, **THIN)
             panel.grid()
-            style.two_scales(panel, np.concatenate([each.desired[1], each.rendered[1]]), knee_of(played))
-            panel.set(xlabel=each.distance, ylabel="force (N)", title=each.title)
+            style.two_scales(panel, np.concatenate([curve.desired[1], curve.rendered[1]]), knee_of(played))
+            panel.set(xlabel=curve.distance, ylabel="force (N)", title=curve.title)
     style.label_points(figure, axes, names)
 
 
@@ -194,10 +194,10 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
     scenario = played.scenario
     measured = rendered_force(replace(played, person=None))
     desired = ForceRecord(played.run.time, measured.position, desired_force(played.run))
-    found = []
+    charts = []
     for phase in scenario.phases:
         parts: list[Any] = [
-            part for each in phase.effects.values() for part in (each, getattr(each, "wall", None))
+            part for effect in phase.effects.values() for part in (effect, getattr(effect, "wall", None))
         ]
         plane = next((part.plane for part in parts if hasattr(part, "plane")), None)
         name = "height above the surface (mm)"
@@ -217,5 +217,5 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
                 height = plane.height(part.position)
                 near = np.abs(height) <= NEAR_M
                 curves.append(np.stack([1e3 * height[near], part.force[near] @ plane.n]))
-        found.append(ForceDistance(phase.name, name, *curves))
-    return found
+        charts.append(ForceDistance(phase.name, name, *curves))
+    return charts

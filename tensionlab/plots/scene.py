@@ -74,8 +74,10 @@ def origin_of(scenario: Scenario, moment: Moment) -> Floats:
 
 def scene_legend(scenarios: Sequence[Scenario]) -> list[Entry]:
     """Return the entries that the legend of these scenarios needs."""
-    on_body = [module.frame in each.rig.frames for each in scenarios for module in each.rig.modules]
-    surfaces = [surface for each in scenarios for phase in scenery(each).phases for surface in phase.surfaces]
+    on_body = [module.frame in scenario.rig.frames for scenario in scenarios for module in scenario.rig.modules]
+    surfaces = [
+        surface for scenario in scenarios for phase in scenery(scenario).phases for surface in phase.surfaces
+    ]
     needed = {
         "virtual surface": any(surface.kind == "plane" and not surface.brakes for surface in surfaces),
         "module in the room": not all(on_body),

@@ -65,8 +65,8 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     windows = slice_windows(fields, several)
     widths, tall = np.ptp(windows[:, 0], axis=1), float(np.ptp(windows[0, 1]))
     scale = min(PANEL_WIDTH / widths.mean(), HIGHEST_PANEL / tall)
-    beside = 1.8 + 0.045 * max((len(name) for each in fields for name, _ in each.classes), default=0)
-    across = beside + scale * widths[:columns].sum() + 0.4 * columns
+    bar_width = 1.8 + 0.045 * max((len(name) for row_field in fields for name, _ in row_field.classes), default=0)
+    across = bar_width + scale * widths[:columns].sum() + 0.4 * columns
     size = across, 0.9 + (scale * tall + 0.9 - 0.3 * several) * rows
     with new_figure(size) as figure:
         grid: Any = figure.subplots(
@@ -75,16 +75,16 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
         )  # fmt: skip
         for axes in grid.flat[len(fields) * count :]:
             axes.set_axis_off()
-        for each, panels in zip(fields, grid if several else [grid], strict=True):
-            levels = shade_levels([each])
+        for row_field, panels in zip(fields, grid if several else [grid], strict=True):
+            levels = shade_levels([row_field])
             for number, axes in zip(range(count), panels.flat, strict=False):
-                shades = draw_slice(axes, each, number, levels)
+                shades = draw_slice(axes, row_field, number, levels)
                 axes.set(xlim=windows[number, 0], ylim=windows[number, 1])
                 if several:
                     axes.label_outer()
-            bar = figure.colorbar(shades, ax=panels, shrink=0.85, label=each.label)
-            if each.classes:
-                bar.set_ticks(range(len(each.classes)), labels=[name for name, _ in each.classes])
+            bar = figure.colorbar(shades, ax=panels, shrink=0.85, label=row_field.label)
+            if row_field.classes:
+                bar.set_ticks(range(len(row_field.classes)), labels=[name for name, _ in row_field.classes])
                 bar.ax.tick_params(length=0)
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
@@ -101,7 +101,7 @@ def slice_windows(fields: Sequence[Field], several: bool) -> Floats:
     shown = [names.index(axis) for axis in _plane(first)[:2]]
     windows = np.empty((len(first.names), 2, 2))
     for number, window in enumerate(windows):
-        above = np.any([(_slice(each, number) > 0) | bool(each.modules) for each in fields], axis=0)
+        above = np.any([(_slice(field, number) > 0) | bool(field.modules) for field in fields], axis=0)
         rig = np.concatenate([first.anchors[number], first.ends[number]])[:, shown]
         for part, places in enumerate(first.axes[names[axis]] for axis in shown):
             drawn = places[above.any(axis=part)] if above.any() else places
@@ -318,8 +318,8 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
     if other or len(axes) < 2:
         raise InputError(f"figures need a sweep over a grid of positions; this one has the axes {values.dims}")
     anchors, ends = (
-        each.transpose(*configurations, "module", "axis").to_numpy().reshape(-1, *each.shape[-2:])
-        for each in (swept["anchor"], swept["attachment"] + swept["home"])
+        points.transpose(*configurations, "module", "axis").to_numpy().reshape(-1, *points.shape[-2:])
+        for points in (swept["anchor"], swept["attachment"] + swept["home"])
     )
     there = ~np.isnan(anchors).any(axis=-1)
     ups = {str(up) for up in np.atleast_1d(swept["up"].to_numpy()).ravel()}
@@ -333,8 +333,8 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
         values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
         axes=axes,
         names=configuration_names(swept),
-        anchors=[each[own] for each, own in zip(anchors, there, strict=True)],
-        ends=[each[own] for each, own in zip(ends, there, strict=True)],
+        anchors=[points[own] for points, own in zip(anchors, there, strict=True)],
+        ends=[points[own] for points, own in zip(ends, there, strict=True)],
         home=swept["home"].transpose(*configurations, "axis").to_numpy().reshape(-1, len(swept["axis"]))[0],
         label=f"{attributes['long_name']}{unit}",
         up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
