@@ -125,8 +125,8 @@ def check(name: str, values: Floats) -> None:
 def check_size(n: int, m: int) -> None:
     """Refuse more wrench components and cables than the kernels serve, and none."""
     if not (1 <= n <= _native.MAX_COMPONENTS and 1 <= m <= _native.MAX_CABLES):
-        most = f"1 to {_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
-        raise ShapeError(f"structure has {n} wrench components and {m} cables; it must have {most}")
+        limits = f"1 to {_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
+        raise ShapeError(f"structure has {n} wrench components and {m} cables; it must have {limits}")
 
 
 def broadcast_last_axis(name: str, array: Floats, count: int, what: str) -> Floats:

@@ -85,7 +85,7 @@ def words_of(text: str) -> list[str]:
 def wrap(text: str, width: int) -> list[str]:
     """Return a text in lines of a width, broken between words; each number is on one line with its unit."""
     paragraphs = keep_together(text).split("\n")
-    lines = [line for each in paragraphs for line in textwrap.wrap(each, width, break_on_hyphens=False)]
+    lines = [line for paragraph in paragraphs for line in textwrap.wrap(paragraph, width, break_on_hyphens=False)]
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines] or [""]
 
 

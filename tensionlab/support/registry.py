@@ -37,7 +37,7 @@ def create_by_name(
 
 def suggest(name: str, names: Iterable[str], listing: str = "") -> str:
     """Return advice about an unknown name: the one that looks like it, or else where they are listed, or all."""
-    close = get_close_matches(name, names, n=1) or [each for each in names if name and each.startswith(name)]
+    close = get_close_matches(name, names, n=1) or [known for known in names if name and known.startswith(name)]
     return f"did you mean {close[0]!r}?" if close else listing or f"choose one of {', '.join(names)}"
 
 

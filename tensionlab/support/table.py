@@ -139,7 +139,7 @@ class Table:
             lines += _lines([wrap(*cell) for cell in zip(row, widths, strict=True)], widths, text, gap)
         words = {word for i in shown for word in self.columns[i].name.split()}
         words.update(word for row in cells for cell in row for word in cell.split())
-        notes = [f"{term}: {said}" for term, said in self.legend.items() if words.issuperset(term.split())]
+        notes = [f"{term}: {meaning}" for term, meaning in self.legend.items() if words.issuperset(term.split())]
         notes += self.notes
         lines += [""] * bool(notes)
         for note in notes:
@@ -219,20 +219,20 @@ def _narrowed(
     Names, which are in the first column of text under a heading, keep their width; words are split only where
     they do not fit otherwise.
     """
-    found, columns = list(widths), range(len(widths))
+    narrowed, columns = list(widths), range(len(widths))
     for words in (True, False):
-        floor = [MIN_TEXT_WIDTH] * len(found)
-        if words and sum(found) > available:
+        floor = [MIN_TEXT_WIDTH] * len(narrowed)
+        if words and sum(narrowed) > available:
             parts = [[*headings[j], *(row[j] for row in cells)] for j in columns]
-            floor = [max(len(word) for part in each for word in words_of(part)) for each in parts]
+            floor = [max(len(word) for part in column for word in words_of(part)) for column in parts]
             for j in [j for j in columns if text[j] and any(headings[j])][:1]:
-                floor[j] = max(floor[j], min(found[j], COMFORTABLE_WIDTH))
-        while sum(found) > available:
-            able = [j for j in columns if text[j] and found[j] > max(floor[j], MIN_TEXT_WIDTH)]
+                floor[j] = max(floor[j], min(narrowed[j], COMFORTABLE_WIDTH))
+        while sum(narrowed) > available:
+            able = [j for j in columns if text[j] and narrowed[j] > max(floor[j], MIN_TEXT_WIDTH)]
             if not able:
                 break
-            found[max(able, key=found.__getitem__)] -= 1
-    return found
+            narrowed[max(able, key=narrowed.__getitem__)] -= 1
+    return narrowed
 
 
 def _wrap_heading(text: str, width: int) -> list[str]:
