@@ -74,8 +74,8 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
         top = cast("Element", parser.close())
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two for encodings
         raise RigError(f"{path}: not well-formed XML: {error}; correct that line") from None
-    for each in top.iter():
-        cast("Element", each).source = str(path)
+    for element in top.iter():
+        cast("Element", element).source = str(path)
     if top.tag != root:
         top.fail(f"the root element must be <{root}>; give the file that has it")
     return top
