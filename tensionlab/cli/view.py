@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import time
 from contextlib import closing
 from typing import Annotated
 
@@ -17,6 +17,8 @@ from tensionlab.support.files.named import is_path
 from tensionlab.viewer.design_page import DesignPage
 from tensionlab.viewer.live import LivePage
 from tensionlab.viewer.server import PageServer
+
+WAKE_PERIOD_S = 0.2  # a Ctrl-C that the system hands to another thread does not end a wait of this one
 
 
 def view(
@@ -43,7 +45,8 @@ def view(
     kept = "what was saved from the page is kept; the same command shows the file's rig again"
     with if_interrupted(kept), closing(page):
         open_page(page.server, page.rig.name, browser=browser)
-        threading.Event().wait()
+        while True:
+            time.sleep(WAKE_PERIOD_S)
 
 
 def _watcher(rig: str | None) -> tuple[RunWatcher, str]:

@@ -19,6 +19,7 @@ ALSO_POISONED = ("json", "typing", "threading", "socket", "webbrowser", "pyarrow
                  "serial")  # fmt: skip
 """Modules that Python itself takes from the folder with ``python -m``, before any code of tensionlab runs."""
 PAD_INCHES = 17.0
+HANGS_S = 600.0  # the verbs take 20 s on an idle machine
 
 DRIVER = """
 import io, json, os, signal, sys, threading
@@ -127,6 +128,7 @@ def test_no_verb_loads_anything_from_the_folder_it_is_called_in(folder, marks, t
         capture_output=True,
         text=True,
         check=False,
+        timeout=HANGS_S,
     )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

@@ -1,5 +1,7 @@
 """`tensionlab view` and `--view`, without a browser; `tests/viewer` has what they show."""
 
+import signal
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -42,6 +44,18 @@ def test_a_run_whose_rig_only_its_program_knows_is_found_by_that_name(run, monke
     said = " ".join(run("view", "--live", RIG)[2].split())
     assert f'none of your processes has a run in progress of "{RIG}"; there are runs of mine' in said
     assert "nowhere.toml" in run("view", "--live", "nowhere.toml")[2]
+
+
+def test_ctrl_c_ends_the_design_page_also_where_the_system_hands_it_to_another_thread(run, monkeypatch):
+    """The main thread is not woken then, and has to look for itself."""
+
+    def open_page(*words, **options):
+        threading.Timer(0.2, lambda: signal.pthread_kill(threading.get_ident(), signal.SIGINT)).start()
+
+    monkeypatch.setattr("tensionlab.cli.view.open_page", open_page)
+    status, _, err = run("view", RIG)
+    assert status == 130
+    assert "the same command shows the file's rig again" in err
 
 
 @pytest.mark.parametrize(
