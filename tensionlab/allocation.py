@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -474,10 +474,10 @@ def allocate(
     return Allocator(limits, solver, reference, policy, wrench_weights)(structure, wrench)
 
 
-@cache
+@lru_cache(maxsize=64)
 def _unprepared(name: str) -> Callable[..., Allocation | None] | None:
     """Return what a built-in solver does without an `Allocator`, whose checks take longer than one problem."""
-    fused = as_fused_solver(make(name)) if name in SOLVERS else None
+    fused = as_fused_solver(make(name)) if name.partition(":")[0] in SOLVERS else None
     return None if fused is None else fused.unprepared(Allocation)
 
 

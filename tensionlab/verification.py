@@ -32,9 +32,9 @@ def verify(problem: Problem, answer: Answer) -> Verified:
         unproved = np.flatnonzero(status == Status.UNPROVEN)
         if problem.policy == "direction" and not proposed and unproved.size:
             # That proof needs a direction that no error vector supplies: ask the exact solver for one.
-            part, found = problem.take(unproved), tensions[unproved]
+            part, proposal = problem.take(unproved), tensions[unproved]
             proof = _writable(Newton().solve(part).separation)
-            _, _, status[unproved], scale[unproved], _ = _certify(part, found, proof)
+            _, _, status[unproved], scale[unproved], _ = _certify(part, proposal, proof)
             separation[unproved] = proof
         failed = map(int, np.flatnonzero(status == Status.FAILED))
         failures = {row: answer.failures.get(row, "the solver returned NaN") for row in failed}

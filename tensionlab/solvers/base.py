@@ -102,7 +102,7 @@ class Problem:
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Return the problems of these rows, in arrays of their own."""
-        structure, wrench, lower, upper, reference = (each[rows] for each in self.arrays[:5])
+        structure, wrench, lower, upper, reference = (array[rows] for array in self.arrays[:5])
         return Problem(structure, wrench, lower, upper, reference, self.weights, self.policy)
 
 

@@ -36,10 +36,10 @@ class CompiledSolver:
 
     def solve_verified(self, problem: Problem) -> Verified | None:
         """Choose and verify tensions; None if an entry of a structure matrix or a wrench is not finite."""
-        found = self._compiled().allocate(
+        verified = self._compiled().allocate(
             problem.arrays, rule_of(problem.policy), MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE
         )
-        return None if found is None else Verified(*found)
+        return None if verified is None else Verified(*verified)
 
     def prepare(
         self,

@@ -137,5 +137,5 @@ class _ConvexPrograms:
                 continue
             self.iterations += program.solver_stats.num_iters or 0
             break
-        found = finite_tensions(variable.value, variable.size)
-        return None if found is None else np.clip(found, self.scaled.lower, self.scaled.upper)
+        tensions = finite_tensions(variable.value, variable.size)
+        return None if tensions is None else np.clip(tensions, self.scaled.lower, self.scaled.upper)

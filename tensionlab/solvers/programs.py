@@ -74,18 +74,18 @@ class Ray:
         largest = np.maximum(np.abs(self.lower), np.abs(self.upper))
         tolerance = TOLERANCE * max(1.0, min(length, float((np.abs(self.structure) * largest).sum())))
         if tensions is not None and length > 0.0:
-            found = self._line(min(1.0, scale + tolerance / (GRAZING * length)))
-            if found is None:
+            line = self._line(min(1.0, scale + tolerance / (GRAZING * length)))
+            if line is None:
                 return tensions
-            _, along, reach = found
+            _, along, reach = line
             if along >= GRAZING * length and along - reach > tolerance:
                 return tensions
         s = 1.0
         for _ in range(MAX_CUTS):
-            found = self._line(s)
-            if found is None:
+            line = self._line(s)
+            if line is None:
                 return tensions
-            nearest, along, reach = found
+            nearest, along, reach = line
             if s == 1.0 and along - reach <= tolerance:
                 return nearest
             if s * (along - RAMP_SHARE * tolerance) <= reach + (1.0 - RAMP_SHARE) * tolerance:
@@ -196,18 +196,18 @@ def choose_each(
             scaled = _scale(problem, row)
             if scaled is None:
                 continue
-            programs, found, reason = start(scaled), None, ""
+            programs, chosen, reason = start(scaled), None, ""
             try:
-                found = _choose(programs, problem, row)
+                chosen = _choose(programs, problem, row)
             except errors as error:
                 reason = f"{type(error).__name__}: {error}"
             iterations[row] = programs.iterations
-            if found is None:
+            if chosen is None:
                 tensions[row] = np.nan
                 failures[row] = f"{backend}: {reason or programs.reason}"
             else:
                 limits = problem.lower[row, scaled.cables], problem.upper[row, scaled.cables]
-                tensions[row, scaled.cables] = np.clip(found * scaled.unit, *limits)
+                tensions[row, scaled.cables] = np.clip(chosen * scaled.unit, *limits)
     return Answer(tensions, iterations, failures=failures)
 
 
@@ -215,9 +215,9 @@ def _choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
     """Return the tensions that the policy chooses for one problem of a batch; None if the backend gives none."""
     scaled = programs.scaled
     wrench = scaled.wrench - scaled.fixed_wrench
-    found = _closest(programs, wrench)
-    if found is not None:
-        return found
+    exact = _closest(programs, wrench)
+    if exact is not None:
+        return exact
     best = _solve_direction_policy(programs) if problem.policy == "direction" else None
     if best is None:
         force = np.diag(np.sqrt(problem.weights))
@@ -231,10 +231,10 @@ def _choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
 
 def _closest(programs: Programs, wrench: Floats) -> Floats | None:
     """Return the tensions of the first program; None where they miss the wrench, whatever the backend says."""
-    found, scaled = programs.closest(wrench), programs.scaled
-    if found is None or np.linalg.norm(scaled.structure @ found - wrench) > scaled.accepted:
+    tensions, scaled = programs.closest(wrench), programs.scaled
+    if tensions is None or np.linalg.norm(scaled.structure @ tensions - wrench) > scaled.accepted:
         return None
-    return found
+    return tensions
 
 
 def _solve_direction_policy(programs: Programs) -> Floats | None:
@@ -255,12 +255,12 @@ def _solve_direction_policy(programs: Programs) -> Floats | None:
         np.append(scaled.upper, 1.0),
         nearest,
     )
-    found = ray.relax_within_tolerance(None if best is None else np.append(best, 1.0), scale)
-    return None if found is None else found[:-1]
+    extended = ray.relax_within_tolerance(None if best is None else np.append(best, 1.0), scale)
+    return None if extended is None else extended[:-1]
 
 
-def finite_tensions(found: Any, cables: int) -> Floats | None:
+def finite_tensions(values: Any, cables: int) -> Floats | None:
     """Return what a backend gave as finite tensions, or None."""
-    if found is None or np.shape(found) != (cables,) or not np.isfinite(found).all():
+    if values is None or np.shape(values) != (cables,) or not np.isfinite(values).all():
         return None
-    return np.array(found, dtype=np.float64)
+    return np.array(values, dtype=np.float64)

@@ -185,10 +185,10 @@ class _QuadraticPrograms:
         centre = np.clip(scaled.reference, scaled.lower, scaled.upper)
         for _ in range(MAX_STEPS):
             linear = np.concatenate([-PROXIMAL * centre, np.zeros(count)])
-            found = self._minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
-            if found is None:
+            solution = self._minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
+            if solution is None:
                 break
-            best = centre = found[:cables]
+            best = centre = solution[:cables]
             # No tensions inside the limits have an error smaller than this one's by more than gap / |error|.
             error = values - rows @ centre
             pull = error @ rows
@@ -206,11 +206,11 @@ class _QuadraticPrograms:
         cost, gain = np.full(matrix.shape[1], DIRECTION), np.eye(matrix.shape[1])[-1]
         best, centre = None, np.append(scaled.reference, 1.0)
         for _ in range(MAX_STEPS):
-            found = self._minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
-            if found is None or np.linalg.norm(matrix @ found + scaled.fixed_wrench) > scaled.accepted:
+            solution = self._minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
+            if solution is None or np.linalg.norm(matrix @ solution + scaled.fixed_wrench) > scaled.accepted:
                 break
-            converged = best is not None and found[-1] - best[-1] <= BIAS * SAFETY * TOLERANCE
-            best = centre = found
+            converged = best is not None and solution[-1] - best[-1] <= BIAS * SAFETY * TOLERANCE
+            best = centre = solution
             if converged:
                 break
         return (None, 0.0) if best is None else (best[:-1], float(best[-1]))

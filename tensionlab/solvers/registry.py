@@ -60,24 +60,24 @@ def make(name: str) -> Solver:
         solver refuses the hyper-parameter.
     """
     family, _, rest = name.partition(":")
-    found = SOLVERS.get(family)
+    solver_class = SOLVERS.get(family)
     names: Iterable[str] = SOLVERS
-    if found is None:
+    if solver_class is None:
         from importlib.metadata import EntryPoint
 
         offered = offered_plugins()
         names = [*SOLVERS, *offered, *(f"qp:{backend}" for backend in BACKENDS)]
         if family in offered:
-            found = _load_only(offered[family])
+            solver_class = _load_only(offered[family])
         elif rest and _is_module(family):
             class_name = rest.partition(":")[0]
-            found, name = _load(EntryPoint(class_name, f"{family}:{class_name}", PLUGIN_GROUP)), rest
+            solver_class, name = _load(EntryPoint(class_name, f"{family}:{class_name}", PLUGIN_GROUP)), rest
         elif rest[:1].isupper():
             raise UnknownSolver(
                 f"no solver is called {family!r}, and Python can import no module of that name; install the "
                 "module of module:Class, or name its folder in the variable PYTHONPATH"
             )
-    solver: Solver = registry.create_by_name(name, found, names, "solver", UnknownSolver)
+    solver: Solver = registry.create_by_name(name, solver_class, names, "solver", UnknownSolver)
     return solver
 
 
@@ -91,8 +91,8 @@ def title_of(solver: Solver) -> str:
     kind = type(solver)
     name = next((family for family, known in SOLVERS.items() if known is kind), kind.__name__)
     settings: tuple[Field[Any], ...] = fields(kind) if is_dataclass(kind) else ()
-    changed = [f"{each.name}={value!r}" for each in settings
-               if each.init and repr(value := getattr(solver, each.name)) != repr(each.default)]  # fmt: skip
+    changed = [f"{field.name}={value!r}" for field in settings
+               if field.init and repr(value := getattr(solver, field.name)) != repr(field.default)]  # fmt: skip
     return f"{name}({', '.join(changed)})" if changed else name
 
 
@@ -112,7 +112,7 @@ def every_solver() -> dict[str, bool]:
 
     In the order of `SOLVERS`, with ``qp``, ``pseudoinverse`` and ``polygon`` in all their variants; then plug-ins.
     """
-    others = {name: isinstance(found, type) for name, found in find_plugins().items() if name not in SOLVERS}
+    others = {name: isinstance(plugin, type) for name, plugin in find_plugins().items() if name not in SOLVERS}
     return _built_in() | others
 
 
@@ -126,7 +126,7 @@ def _built_in() -> dict[str, bool]:
         "polygon": {f"polygon:{goal}": True for goal in get_args(PolygonGoal)},
     }
     names = [variants.get(name, {name: True}) for name in SOLVERS]
-    return {name: usable for each in names for name, usable in each.items()}
+    return {name: usable for family in names for name, usable in family.items()}
 
 
 class Selected(NamedTuple):
@@ -146,15 +146,17 @@ def name_solvers(solvers: Sequence[str | Solver]) -> dict[str, Solver | None]:
         raise InputError(f"solvers is {solvers!r:.60}; give a list of names and instances, such as ['newton']")
     if not solvers:
         raise InputError("no solver is named; leave the option out for all, or see `tensionlab solvers`")
-    found: dict[str, Solver | None] = {}
-    for each in solvers:
-        if isinstance(each, type):
-            raise InputError(f"solvers has the class {each.__name__}; give an instance, {each.__name__}()")
-        if not isinstance(each, str) and (lacks := _lacks(each)):
-            raise InputError(f"solvers has {each!r:.60}, which lacks {', '.join(lacks)}; give names, or instances "
-                             "of solvers, as tensionlab.solvers.Solver says")  # fmt: skip
-        found |= {each: None} if isinstance(each, str) else {title_of(each): each}
-    return found
+    named: dict[str, Solver | None] = {}
+    for solver in solvers:
+        if isinstance(solver, type):
+            raise InputError(f"solvers has the class {solver.__name__}; give an instance, {solver.__name__}()")
+        if not isinstance(solver, str) and (lacks := _lacks(solver)):
+            raise InputError(
+                f"solvers has {solver!r:.60}, which lacks {', '.join(lacks)}; give names, or instances of "
+                "solvers, as tensionlab.solvers.Solver says"
+            )
+        named |= {solver: None} if isinstance(solver, str) else {title_of(solver): solver}
+    return named
 
 
 def select_solvers(

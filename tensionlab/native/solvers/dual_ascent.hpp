@@ -91,8 +91,10 @@ class DualAscent {
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr Real kConverged = 1024 * kUlp, kSmall = Real(1e6) * kUlp;
   static constexpr Real kLeastPivot = 8 * kUlp;  // as a share of the diagonal of the Hessian
-  // Line search: the accepted share of the first slope; an unbounded step; the largest extension of a step.
-  static constexpr Real kRoot = Real(0.02), kFar = Real(1e30), kLeap = 16, kShrink = Real(1e-3);
+  // Line search: the accepted share of the first slope, less where a law tightens after good steps; an unbounded
+  // step; the largest extension of a step.
+  static constexpr Real kRoot = Real(Law::kTightens ? 0.02 : 0.1);
+  static constexpr Real kFar = Real(1e30), kLeap = 16, kShrink = Real(1e-3);
   static constexpr int kSearchRounds = 40, kPatience = 4, kStepLimit = 300;
 
   struct Control {
@@ -178,19 +180,20 @@ class DualAscent {
       for (int j = 0; j < k; ++j) row += yield_[k][j] * direction_[j];
       bend_ += direction_[k] * (yield_[k][k] * direction_[k] + Real(2) * row);
     }
-    V noise = zero;
+    V pull[M], noise = zero;
     for (int i = 0; i < m_; ++i) {
-      V pull = zero, turn = zero, give;
+      pull[i] = zero;
+      for (int k = 0; k < N; ++k) pull[i] += column_[i][k] * point[k];
+    }
+    law_.cables(m_, pull, value_, give_);
+    for (int i = 0; i < m_; ++i) {
+      V turn = zero;
       for (int k = 0; k < N; ++k) {
-        pull += column_[i][k] * point[k];
         turn += column_[i][k] * direction_[k];
+        residual[k] -= column_[i][k] * value_[i];
       }
-      const V value = law_.cable(i, pull, give);
-      value_[i] = value;
-      give_[i] = give;
-      for (int k = 0; k < N; ++k) residual[k] -= column_[i][k] * value;
-      bend_ += give * turn * turn;
-      noise += give * square_[i];
+      bend_ += give_[i] * turn * turn;
+      noise += give_[i] * square_[i];
     }
     along_ = zero;
     for (int k = 0; k < N; ++k) {

@@ -64,10 +64,12 @@ struct LogBarrier : FromMiddle<Real, L, N, M> {
     lane<Real>(price, l) = kFirst;
   }
 
-  V cable(int, const V& q, V& give) const {
-    const V root = square_root<Real, L>(V(Real(1) + q * q)), below = Real(1) + root;
-    give = Real(1) / (root * below);
-    return q / below;
+  void cables(int m, const V (&q)[M], V (&x)[M], V (&give)[M]) const {
+    for (int i = 0; i < m; ++i) {
+      const V root = square_root<Real, L>(V(Real(1) + q[i] * q[i])), below = Real(1) + root;
+      give[i] = Real(1) / (root * below);
+      x[i] = q[i] / below;
+    }
   }
 
   void slack(const V (&y)[N], V (&s)[N], V (&yield)[N][N]) const {
@@ -107,64 +109,90 @@ struct SlackNorm : FromMiddle<Real, L, N, M> {
     }
   }
 
-  // The x whose price has slope q: the root of (price'(x) - q) (1 - x^2), by Newton steps inside a bracket.
-  V cable(int i, const V& q, V& give) const {
+  // The x whose prices have slopes q: roots of (price'(x) - q) (1 - x^2), by Newton steps inside brackets, of all
+  // cables at once, as none waits for another.
+  void cables(int m, const V (&q)[M], V (&x)[M], V (&give)[M]) const {
     const V zero = V{}, one = zero + Real(1);
     const Real c1 = Real(prices.c1), c2 = Real(prices.c2);
-    V low = -one, high = one, bend;
-    V x = q + Real(2) * preferred[i];
-    x = x / (Real(2) + magnitude(x));
-    auto open = one > zero;
-    for (int round = 0; round < kRounds && any(open); ++round) {
-      const V room = one - x * x;
-      const V rise = slope(V(x - preferred[i]), bend) - q;
-      const V f = rise * room - c1 * (one - x) + c2 * (one + x);
-      const V falls = bend * room - Real(2) * x * rise + (c1 + c2);
-      low = f < zero ? x : low;
-      high = f > zero ? x : high;
-      const V move = f / falls, next = x - move;
-      const V length = magnitude(move), last = larger(V(kLast * room), V(2 * kUlp * one));
-      const auto good = ((next > low) & (next < high)) | (length <= last);
-      x = open ? (good ? next : V(Real(0.5) * (low + high))) : x;
-      open = open & (length > last);
+    V low[M], high[M], bend;
+    for (int i = 0; i < m; ++i) {
+      x[i] = first_guess(V(preferred[i] + Real(0.5) * q[i]));
+      low[i] = -one, high[i] = one;
     }
-    slope(V(x - preferred[i]), bend);
-    const V below = one + x, above = one - x;
-    give = one / (bend + c1 / (below * below) + c2 / (above * above));
-    return x;
+    auto open = one > zero;  // lanes with a cable that still moves: no answer may depend on the lane beside it
+    for (int round = 0; round < kRounds && any(open); ++round) {
+      auto moves = one < zero;
+      for (int i = 0; i < m; ++i) {
+        const V at = x[i], room = one - at * at;
+        const V rise = slope(V(at - preferred[i]), bend) - q[i];
+        const V f = rise * room - c1 * (one - at) + c2 * (one + at);
+        const V falls = bend * room - Real(2) * at * rise + (c1 + c2);
+        low[i] = f < zero ? at : low[i];
+        high[i] = f > zero ? at : high[i];
+        const V move = f / falls, next = at - move;
+        const V length = magnitude(move), last = larger(V(kLast * room), V(2 * kUlp * one));
+        const auto good = ((next > low[i]) & (next < high[i])) | (length <= last);
+        x[i] = open ? (good ? next : V(Real(0.5) * (low[i] + high[i]))) : at;
+        moves = moves | (length > last);
+      }
+      open = open & moves;
+    }
+    for (int i = 0; i < m; ++i) {
+      slope(V(x[i] - preferred[i]), bend);
+      const V below = one + x[i], above = one - x[i], room = below * above, square = room * room;
+      give[i] = square / (bend * square + c1 * above * above + c2 * below * below);
+    }
   }
 
-  // The s whose price has slope y, one component at a time: s / sqrt(s^2 + epsilon) + 2 gamma s = |y| / kappa. The
-  // left side is concave for s > 0, so Newton steps from anywhere end below the root, and rise to it.
+  // The s whose prices have slopes y: s / sqrt(s^2 + epsilon) + 2 gamma s = |y| / kappa. The left side is concave
+  // for s > 0, so Newton steps from anywhere end below the root, and rise to it.
   void slack(const V (&y)[N], V (&s)[N], V (&yield)[N][N]) const {
     const V zero = V{}, one = zero + Real(1);
-    const Real kappa = Real(prices.kappa), epsilon = Real(prices.epsilon), stiff = Real(2 * prices.gamma);
-    const Real soft = std::sqrt(epsilon), steepest = 1 / soft + stiff;
+    const Real share = 1 / Real(prices.kappa), epsilon = Real(prices.epsilon), stiff = Real(2 * prices.gamma);
+    const Real soft = std::sqrt(epsilon), flattest = 1 / (1 / soft + stiff), last_slope = 1 / stiff;
+    V target[N], least[N], bend[N] = {};
     for (int k = 0; k < N; ++k) {
-      const V target = magnitude(y[k]) / kappa;
-      const V least = larger(V(target / steepest), V((target - one) / stiff));
-      const V room = larger(V(one - target * target), zero + soft);
-      V found = larger(least, V(soft * smaller(target, one) / square_root<Real, L>(room)));
-      auto open = target > zero;
-      for (int round = 0; round < kRounds && any(open); ++round) {
-        const V inverse = one / square_root<Real, L>(V(found * found + epsilon));
-        const V bend = epsilon * inverse * inverse * inverse + stiff;
-        const V next = larger(V(found + (target - found * inverse - stiff * found) / bend), least);
-        const V move = next - found;
-        found = open ? next : found;
-        open = open & (magnitude(move) > kLast * found + 4 * kUlp / bend);
+      target[k] = share * magnitude(y[k]);
+      least[k] = larger(V(flattest * target[k]), V(last_slope * (target[k] - one)));
+      const V room = larger(V(one - target[k] * target[k]), zero + soft);
+      s[k] = larger(least[k], V(soft * smaller(target[k], one) / square_root<Real, L>(room)));
+    }
+    auto open = one > zero;
+    for (int round = 0; round < kRounds && any(open); ++round) {
+      auto moves = one < zero;
+      for (int k = 0; k < N; ++k) {
+        const V inverse = one / square_root<Real, L>(V(s[k] * s[k] + epsilon));
+        const V here = epsilon * inverse * inverse * inverse + stiff;
+        bend[k] = open ? here : bend[k];
+        const V next = larger(V(s[k] + (target[k] - s[k] * inverse - stiff * s[k]) / bend[k]), least[k]);
+        moves = moves | (magnitude(next - s[k]) * bend[k] > kLast * next * bend[k] + 4 * kUlp);
+        s[k] = open ? next : s[k];
       }
-      const V inverse = one / square_root<Real, L>(V(found * found + epsilon));
-      s[k] = y[k] < zero ? V(-found) : found;
+      open = open & moves;
+    }
+    for (int k = 0; k < N; ++k) {
+      s[k] = y[k] < zero ? V(-s[k]) : s[k];
       for (int j = 0; j < k; ++j) yield[k][j] = zero;
-      yield[k][k] = one / (kappa * (epsilon * inverse * inverse * inverse + stiff));
+      yield[k][k] = share / bend[k];
     }
   }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
-  static constexpr Real kLast = Real(1e6) * kUlp;  // after a step this short, the next one changes nothing
+  static constexpr Real kLast = Real(1) / (1 << 24);  // after a step this short, the next one is rounding
   static constexpr int kRounds = 60;
+
+  // The root for p = 2 with the price of the nearer limit alone, and about that of the other, from x without
+  // prices.
+  V first_guess(const V& free) const {
+    const V zero = V{}, one = zero + Real(1), size = magnitude(free);
+    const auto up = free > zero;
+    const V near = up ? zero + Real(prices.c2) : zero + Real(prices.c1);
+    const V far = Real(prices.c1 + prices.c2) - near;
+    const V gap = one - size - far * (Real(0.5) - Real(0.25) * smaller(size, one));
+    const V x = one - Real(0.5) * (gap + square_root<Real, L>(V(gap * gap + Real(2) * near)));
+    return up ? x : V(-x);
+  }
 
   // p |x|^(p - 1) sign(x), and how fast it rises. Powers are slow, and p is mostly a small whole number.
   V slope(const V& x, V& bend) const {
@@ -202,11 +230,13 @@ struct BoxPrice {
   }
 
   // At y = 0 every cable counts as free, so that the first step has the right length.
-  V cable(int i, const V& q, V& give) const {
+  void cables(int m, const V (&q)[M], V (&x)[M], V (&give)[M]) const {
     const V zero = V{}, one = zero + Real(1);
-    const V wanted = reference[i] + q;
-    give = (((wanted > lower[i]) & (wanted < upper[i])) | (q == zero)) ? one : zero;
-    return smaller(larger(wanted, lower[i]), upper[i]);
+    for (int i = 0; i < m; ++i) {
+      const V wanted = reference[i] + q[i];
+      give[i] = (((wanted > lower[i]) & (wanted < upper[i])) | (q[i] == zero)) ? one : zero;
+      x[i] = smaller(larger(wanted, lower[i]), upper[i]);
+    }
   }
 
   void slack(const V (&y)[N], V (&s)[N], V (&yield)[N][N]) const {
