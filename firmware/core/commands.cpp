@@ -86,9 +86,9 @@ Code Module::arm(const Frame& frame, uint32_t now_us) {
   // The same command once more, because its acknowledgement was lost.
   const bool waiting = state_ == State::armed || state_ == State::running;
   if (waiting && command.session == session_) return Code::ok;
-  // Whatever way it took: it was sent before a stop that came first.
+  // A stop has come since the INFO that it quotes, however late this is, and by whichever link it came.
   if (command.stops != stops_) return Code::stopped;
-  // Set-points of that one may still be on their way.
+  // Set-points of the last session may still be on their way.
   if (command.session == session_) return Code::bad_session;
   if (!transition(state_, Event::arm).accepted || chore_ != Chore::none) return Code::bad_state;
   if (parameters_[Parameter::calibrated] == 0.0f) return Code::not_calibrated;

@@ -210,7 +210,7 @@ class ModuleClient:
     def arm(self) -> None:
         """Have the module pull with its minimum tension, and wait for set-points of a new session.
 
-        It refuses where a stop comes first, from whichever host.
+        A stop that comes between HELLO and ARM, of whichever host, has the module refuse it.
         """
         self.command(self.new_session(self.hello()))
 
