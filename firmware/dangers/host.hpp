@@ -88,6 +88,7 @@ class Host {
       state = static_cast<firmware::State>(reader.u8());
       ++acknowledged;
     } else if (frame.type == static_cast<std::uint8_t>(firmware::Type::info)) {
+      // After the protocol, the firmware, the serial number, the reason of the start, and the state.
       for (int before = 0; before < 9; ++before) reader.u8();
       stops_ = reader.u8();
     } else if (frame.type == static_cast<std::uint8_t>(firmware::Type::event)) {

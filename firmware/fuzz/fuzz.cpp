@@ -115,27 +115,29 @@ class Bench {
     return sequence_;
   }
 
-  // An armed module counts the rounds from its ARM on.
-  void arm(const Writer& session, const uint8_t* payload) {
+  // With a new session. An armed module counts the rounds from its ARM on.
+  void arm(uint8_t sequence) {
+    uint8_t payload[3];
+    Writer writer(payload);
+    writer.u16(++session_);
+    writer.u8(module_.stops());
     rounds_ = 0;
-    send(Type::arm, next(), session, payload);
+    send(Type::arm, sequence, writer, payload);
   }
 
   // A host's way back to work, if nothing is wrong.
   void recover() {
-    uint8_t payload[8] = {};
+    uint8_t payload[5] = {};
     Writer nothing(payload);
     send(Type::clear, next(), nothing, payload);
     send(Type::stop, next(), nothing, payload);
     sensors_.speed = 0.0f;
     for (int i = 0; i < 100; ++i) step(1000);
-    Writer ratio(payload), session(payload + 5);
+    Writer ratio(payload);
     ratio.u8(static_cast<uint8_t>(Calibration::newton_per_ampere));
     ratio.f32(3.0f);
     send(Type::calibrate, next(), ratio, payload);
-    session.u16(++session_);
-    session.u8(module_.stops());
-    arm(session, payload + 5);
+    arm(next());
   }
 
   // Mostly what a host would say; its numbers are somewhat beyond what is allowed, now and then.
@@ -145,10 +147,7 @@ class Bench {
     const uint8_t sequence = next();
     switch (script_.below(14)) {
       case 0:
-        writer.u16(++session_);
-        writer.u8(module_.stops());
-        rounds_ = 0;
-        return send(Type::arm, sequence, writer, payload);
+        return arm(sequence);
       case 1:
       case 2:
       case 3:

@@ -168,6 +168,8 @@ def test_phases_of_a_scenario_are_markers_in_order(tmp_path):
                 if len(numbers) == 2:
                     running.send_signal(signal.SIGTERM)
         assert running.wait(HANGS_S) in (0, 1)  # 1 where a person would notice how late a busy machine is
+        assert "Traceback" not in running.stderr.read()
+    assert text == "ended: signal SIGTERM"
     first, second = numbers[:2]
     assert second == first + 1
 
